@@ -1,0 +1,1 @@
+"""Gear rattling as a live laboratory: simulate, steer, analyse, record, replay and watch."""

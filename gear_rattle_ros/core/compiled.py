@@ -1,0 +1,68 @@
+"""How kernels are compiled: one decorator, the same settings everywhere."""
+
+from collections.abc import Callable
+import functools
+import hashlib
+import os
+from pathlib import Path
+import tempfile
+from typing import Any, cast, TypeVar
+
+import numba
+
+Function = TypeVar('Function', bound=Callable[..., Any])
+
+
+@functools.cache
+def cache_directory() -> Path:
+    """
+    Find the folder that keeps compiled kernels.
+
+    numba notices a change of the file a kernel stands in, but not of the kernels it calls from
+    other files, so the folder is named by the contents of the whole of ``core``.
+
+    Returns
+    -------
+    Path
+        Below ``NUMBA_CACHE_DIR``, else ``XDG_CACHE_HOME``, else ``~/.cache``; where none of them
+        can be written, a new temporary folder.
+
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.glob('*.py')):
+        digest.update(source.read_bytes())
+    base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
+    folder = (Path(base) if base else Path.home() / '.cache') / 'gear_rattle_ros'
+    folder = folder / digest.hexdigest()[:16]
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix='gear_rattle_ros-'))
+
+
+def kernel(function: Function) -> Function:
+    """
+    Compile a function with numba, cached on disk.
+
+    Parameters
+    ----------
+    function : callable
+        Scalar numeric code. No fused multiply-add and no reordering is allowed, so the same
+        input gives the same bits on every machine that rounds as IEEE 754 says.
+
+    Returns
+    -------
+    callable
+        The compiled function; it releases the GIL and divides by zero as numpy does.
+
+    """
+    # The folder is looked up when the function is decorated; other packages keep their own.
+    others = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_directory())
+    try:
+        compiled = numba.njit(cache=True, nogil=True, error_model='numpy')(function)
+    finally:
+        numba.config.CACHE_DIR = others
+    return cast(Function, compiled)

@@ -1,0 +1,176 @@
+"""
+Sine, cosine and the exponential relaxation functions, from arithmetic alone.
+
+No libm is called: the results do not depend on the machine's mathematical library, and the
+code vectorises. Taylor polynomials on reduced arguments; every function is good to about one
+unit in the last place.
+"""
+
+import math
+
+import numpy as np
+
+from .compiled import kernel
+
+TWO_PI = 2.0 * math.pi
+# 2 pi minus its nearest double.
+TWO_PI_TAIL = 2.4492935982947064e-16
+# pi/2 in three pieces; the first two have 33 bits, so that a product with k < 2**20 is exact.
+HALF_PI_1 = float.fromhex('0x1.921fb544p+0')
+HALF_PI_2 = float.fromhex('0x1.0b4611a6p-34')
+HALF_PI_3 = float.fromhex('0x1.3198a2e037073p-69')
+# ln 2 in two pieces, the first of 33 bits.
+LN2_1 = float.fromhex('0x1.62e42fefp-1')
+LN2_2 = float.fromhex('0x1.473de6af278edp-34')
+# Beyond this exp(-x) is zero in float64.
+EXP_UNDERFLOW = 746.0
+
+
+@kernel
+def sine_series(y: float) -> float:
+    """
+    Sum the series of ``(sin r - r)/r^3``, even and odd terms apart for speed.
+
+    Parameters
+    ----------
+    y : float
+        ``r^2`` [1], at most 1.
+
+    Returns
+    -------
+    float
+        ``-1/3! + y/5! - y^2/7! + ...`` [1].
+
+    """
+    z = y * y
+    return y * (
+        1.0 / 120 + z * (1.0 / 362880 + z * (1.0 / 6227020800 + z * (1.0 / 355687428096000)))
+    ) - (1.0 / 6 + z * (1.0 / 5040 + z * (1.0 / 39916800 + z * (1.0 / 1307674368000))))
+
+
+@kernel
+def sine_cosine(x: float) -> tuple[float, float]:
+    """
+    Sine and cosine.
+
+    Parameters
+    ----------
+    x : float
+        Angle [rad], ``|x| < 1e6``.
+
+    Returns
+    -------
+    tuple of float
+        ``sin x`` and ``cos x`` [1].
+
+    """
+    k = np.rint(x * (2.0 / math.pi))
+    r = ((x - k * HALF_PI_1) - k * HALF_PI_2) - k * HALF_PI_3
+    y = r * r
+    z = y * y
+    sine = r + r * (y * sine_series(y))
+    half = 0.5 * y
+    w = 1.0 - half
+    cosine = w + (
+        ((1.0 - w) - half) + z * (
+        (1.0 / 24 + z * (1.0 / 40320 + z * (1.0 / 479001600 + z * (1.0 / 20922789888000))))
+        - y * (1.0 / 720 + z * (1.0 / 3628800 + z * (
+            1.0 / 87178291200 + z * (1.0 / 6402373705728000)))))
+    )
+    # Selections rather than branches: the quadrant cannot be predicted.
+    quadrant = int(k)
+    odd = (quadrant & 1) != 0
+    sine_sign = 1.0 - (quadrant & 2)
+    cosine_sign = 1.0 - ((quadrant + 1) & 2)
+    return (
+        sine_sign * (cosine if odd else sine),
+        cosine_sign * (sine if odd else cosine),
+    )
+
+
+@kernel
+def sine_defect(d: float, sine: float) -> float:
+    """
+    Sine minus its argument, without cancellation.
+
+    Parameters
+    ----------
+    d : float
+        Angle [rad], not negative.
+    sine : float
+        ``sin d`` [1].
+
+    Returns
+    -------
+    float
+        ``sin d - d`` [1].
+
+    """
+    if d > 1.0:
+        return sine - d
+    y = d * d
+    return d * (y * sine_series(y))
+
+
+@kernel
+def exp_minus(x: float) -> float:
+    """
+    Decaying exponential.
+
+    Parameters
+    ----------
+    x : float
+        Exponent [1], not negative.
+
+    Returns
+    -------
+    float
+        ``exp(-x)`` [1].
+
+    """
+    if x > EXP_UNDERFLOW:
+        return 0.0
+    k = np.rint(x * (1.0 / math.log(2.0)))
+    r = -((x - k * LN2_1) - k * LN2_2)
+    polynomial = 1.0 + r * (1.0 + r * (1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (
+        1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (
+            1.0 / 362880 + r * (1.0 / 3628800 + r * (1.0 / 39916800 + r * (
+                1.0 / 479001600 + r * (1.0 / 6227020800)))))))))))))
+    return math.ldexp(polynomial, -int(k))
+
+
+@kernel
+def relaxation(d: float, beta: float) -> tuple[float, float, float]:
+    """
+    Three functions of damped free motion, regular at ``beta = 0``.
+
+    Parameters
+    ----------
+    d : float
+        Duration [1], not negative.
+    beta : float
+        Damping [1], not negative.
+
+    Returns
+    -------
+    tuple of float
+        ``E = exp(-beta d)``, ``B = (1 - E)/beta`` (the integral of E) and
+        ``C = (d - B)/beta`` (the integral of B), all [1].
+
+    """
+    x = beta * d
+    if x < 1.0:
+        y = x * x
+        second = (
+            1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
+                1.0 / 3628800 + y * (1.0 / 479001600 + y * (1.0 / 87178291200 + y * (
+                    1.0 / 20922789888000)))))))
+            - x * (1.0 / 6 + y * (1.0 / 120 + y * (1.0 / 5040 + y * (1.0 / 362880 + y * (
+                1.0 / 39916800 + y * (1.0 / 6227020800 + y * (1.0 / 1307674368000 + y * (
+                    1.0 / 355687428096000))))))))
+        )
+        first = 1.0 - x * second
+        return 1.0 - x * first, d * first, d * d * second
+    decay = exp_minus(x)
+    integral = (1.0 - decay) / beta
+    return decay, integral, (d - integral) / beta

@@ -1,0 +1,429 @@
+"""
+One flight between the walls: closed form, first impact, impact law, sticking, release.
+
+Scalar kernels, shared by everything that follows a trajectory. Notation of the paper, with
+``d = tau - tau0`` the time since the flight began and ``p = tau0`` its phase. Eqs. (4)-(5) are
+used in a form without cancellation for small d and regular at ``beta = 0``.
+"""
+
+import math
+
+import numpy as np
+
+from .compiled import kernel
+from .elementary import relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
+from .model import STICKING_SPEED
+
+# What holds a trajectory at a moment.
+FLYING = 0
+RESTING = 1
+# Which wall ends a flight.
+NO_WALL = 0
+UPPER = 1
+LOWER = 2
+# A flight without an impact is continued from a fresh start after this many drive periods.
+LEG_PERIODS = 64
+LEG = LEG_PERIODS * TWO_PI
+# Longest single step of the search [1].
+HORIZON_MAXIMUM = 10.0
+# Relative error at which a Taylor step may end the search; its terms are over-estimated 24 times.
+LAST_STEP_ERROR = 1e-16
+
+
+@kernel
+def at_least_zero(x: float) -> float:
+    """
+    Clip rounding below zero.
+
+    Parameters
+    ----------
+    x : float
+        A distance [1].
+
+    Returns
+    -------
+    float
+        It, or 0 [1].
+
+    """
+    return x if x > 0.0 else 0.0
+
+
+@kernel
+def reach(distance: float, speed: float, acceleration: float) -> float:
+    """
+    Time to cover a distance at constant acceleration.
+
+    Parameters
+    ----------
+    distance : float
+        Not negative [1].
+    speed, acceleration : float
+        Towards the target [1].
+
+    Returns
+    -------
+    float
+        Smallest non-negative root of ``distance = speed t + acceleration t^2/2``, or inf [1].
+
+    """
+    discriminant = speed * speed + 2.0 * acceleration * distance
+    if discriminant < 0.0:
+        return math.inf
+    root = math.sqrt(discriminant)
+    if speed > 0.0:
+        return 2.0 * distance / (speed + root)
+    if acceleration <= 0.0:
+        return math.inf
+    return (root - speed) / acceleration
+
+
+@kernel
+def free_time(distance: float, speed: float, acceleration: float,
+              acceleration_bound: float, jerk_bound: float) -> float:
+    """
+    Time during which a wall certainly cannot be reached.
+
+    The displacement towards the wall in time t is at most ``speed t + A t^2/2 + J t^3/6``; for
+    ``t <= T`` the last two are at most ``(A + J T/3) t^2/2``. The bound with the largest
+    acceleration needs no T; the longer of both holds.
+
+    Parameters
+    ----------
+    distance : float
+        To the wall [1], not negative.
+    speed, acceleration : float
+        Towards the wall, now [1].
+    acceleration_bound, jerk_bound : float
+        Largest magnitudes for the rest of the flight [1].
+
+    Returns
+    -------
+    float
+        A duration [1]; repeated, it converges to third order on a transversal impact.
+
+    """
+    horizon = reach(distance, speed, acceleration)
+    if horizon == math.inf and acceleration < 0.0:
+        horizon = -2.5 * acceleration / jerk_bound
+    horizon = min(horizon, HORIZON_MAXIMUM)
+    bent = acceleration + jerk_bound * horizon * (1.0 / 3.0)
+    certain = min(reach(distance, speed, bent), horizon)
+    return max(certain, reach(distance, speed, acceleration_bound))
+
+
+@kernel
+def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta: float,
+             gamma: float) -> tuple[float, float, float, float]:
+    """
+    Closed-form flight, eqs. (4)-(5).
+
+    Parameters
+    ----------
+    d : float
+        Time since the flight began [1], 0 to about 1e6.
+    sin_p, cos_p : float
+        Of the phase at which it began [1].
+    v0 : float
+        Velocity at its beginning [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    tuple of float
+        Displacement since the beginning, velocity, and sine and cosine of the phase [1]. Where d
+        is small the displacement is good to a relative accuracy, as chatter needs.
+
+    """
+    decay, integral, second = relaxation(d, beta)
+    sin_half, cos_half = sine_cosine(0.5 * d)
+    versine = 2.0 * sin_half * sin_half
+    sine = 2.0 * sin_half * cos_half
+    defect = sine_defect(d, sine)
+    moved = (v0 * integral + gamma * second
+             + alpha * (cos_p * (defect + beta * second) - sin_p * versine))
+    velocity = (v0 * decay + gamma * integral
+                + alpha * (cos_p * (beta * integral - versine) - sin_p * sine))
+    sin_now = sin_p + (cos_p * sine - sin_p * versine)
+    cos_now = cos_p - (cos_p * versine + sin_p * sine)
+    return moved, velocity, sin_now, cos_now
+
+
+@kernel
+def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta: float,
+                 gamma: float) -> float:
+    """
+    Acceleration a(tau, v) in flight, eq. (2).
+
+    Parameters
+    ----------
+    sin_p, cos_p : float
+        Of the drive phase [1].
+    velocity : float
+        Velocity [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    float
+        ``s''`` [1].
+
+    """
+    return alpha * (beta * cos_p - sin_p) + (gamma - beta * velocity)
+
+
+@kernel
+def departure(sin_p: float, cos_p: float, force: float, alpha: float, beta: float,
+              gamma: float) -> float:
+    """
+    Time for which a mass that leaves a wall from rest certainly stays off it.
+
+    Parameters
+    ----------
+    sin_p, cos_p : float
+        Of the drive phase [1].
+    force : float
+        Acceleration [1]; away from the wall, or zero but for rounding.
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    float
+        A duration [1]: by the acceleration or, at a release where that vanishes, by the jerk.
+
+    """
+    relax = abs(gamma + beta * alpha * cos_p)
+    jerk = -alpha * (cos_p + beta * sin_p) - beta * force
+    by_force = 2.5 * abs(force) / (alpha + beta * relax)
+    by_jerk = 2.0 * abs(jerk) / (alpha + beta * beta * relax)
+    if jerk * force < 0.0 and abs(force) > 1e-12:
+        by_jerk = 0.0
+    return min(max(by_force, by_jerk), HORIZON_MAXIMUM)
+
+
+@kernel
+def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: float,
+               gamma: float) -> bool:
+    """
+    Tell whether a mass at rest on a wall is pressed against it.
+
+    Parameters
+    ----------
+    towards : float
+        +1 for the upper wall, -1 for the lower.
+    sin_p, cos_p : float
+        Of the drive phase [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    bool
+        By the sign of a(tau, 0), of its derivative where that is zero; no force presses.
+
+    """
+    force = towards * acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
+    if force != 0.0:
+        return force > 0.0
+    return -towards * alpha * (cos_p + beta * sin_p) >= 0.0
+
+
+@kernel
+def search_impact(d: float, d_stop: float, phase: float, s0: float, v0: float, alpha: float,
+                  beta: float, gamma: float) -> tuple[float, float, int]:
+    """
+    Go forward in flight up to the first impact, by conservative advancement.
+
+    Every step is one in which neither wall can be reached, so no impact is ever missed. A search
+    that is stopped and taken up again makes the same steps.
+
+    Parameters
+    ----------
+    d : float
+        Time since the flight began up to which there is no impact [1]; 0 or a result of this.
+    d_stop : float
+        Stop at the first step that ends here or later [1].
+    phase, s0, v0 : float
+        Where the flight began [rad, 1, 1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    d : float
+        The time of the impact, or one before which there is none [1].
+    velocity : float
+        Velocity then [1].
+    wall : int
+        UPPER or LOWER at an impact, NO_WALL where there is none yet.
+
+    """
+    sin_p, cos_p = sine_cosine(phase)
+    upper = -s0
+    lower = 1.0 + s0
+    velocity = v0
+    while True:
+        moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)
+        relax = gamma - beta * (velocity - alpha * cos_now)
+        force = relax - alpha * sin_now
+        bound = alpha + abs(relax)
+        jerk_bound = alpha + beta * abs(relax)
+        # Seen from the wall ahead: `distance` to it, everything counted towards it.
+        towards = 1.0 if velocity > 0.0 else -1.0
+        distance = at_least_zero(upper - moved if velocity > 0.0 else lower + moved)
+        behind = at_least_zero(lower + moved if velocity > 0.0 else upper - moved)
+        if d == 0.0 and velocity == 0.0 and (distance == 0.0 or behind == 0.0):
+            d = departure(sin_now, cos_now, force, alpha, beta, gamma)
+            continue
+        speed = abs(velocity)
+        step = free_time(distance, speed, towards * force, bound, jerk_bound)
+        if reach(behind, -speed, bound) < step:
+            back = free_time(behind, -speed, -towards * force, bound, jerk_bound)
+            if back < step:
+                step = back
+                distance = behind
+                towards = -towards
+        # The last step is taken by Taylor series once its error is below rounding.
+        jerk = -alpha * cos_now - beta * relax
+        snap = alpha * sin_now + beta * beta * relax
+        last = reach(distance, towards * velocity, towards * (force + jerk * step * (1.0 / 3.0)))
+        square = last * last
+        impact_speed = towards * (
+            velocity + last * (force + last * (0.5 * jerk + last * (1.0 / 6.0) * snap)))
+        if square * square * bound < LAST_STEP_ERROR * impact_speed * (d + last):
+            return d + last, towards * impact_speed, UPPER if towards > 0.0 else LOWER
+        ahead = d + step
+        if ahead == d:
+            return d, velocity, UPPER if towards > 0.0 else LOWER
+        d = ahead
+        if d >= d_stop:
+            return d, velocity, NO_WALL
+
+
+@kernel
+def release_delay(towards: float, phase: float, alpha: float, beta: float,
+                  gamma: float) -> float:
+    """
+    Time until a mass that rests on a wall leaves it.
+
+    Parameters
+    ----------
+    towards : float
+        +1 for the upper wall, -1 for the lower.
+    phase : float
+        Drive phase now [rad].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    float
+        To the next zero of ``a(tau, 0) = gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)``
+        in the leaving direction [1], inf where there is none.
+
+    """
+    amplitude = alpha * math.sqrt(1.0 + beta * beta)
+    if abs(gamma) >= amplitude:
+        return math.inf
+    angle = math.asin(gamma / amplitude)
+    if towards < 0.0:
+        angle = math.pi - angle
+    delay = (angle + math.atan(beta) - phase) % TWO_PI
+    # A zero just behind, by rounding, is now.
+    if delay > TWO_PI - 1e-8:
+        return 0.0
+    return delay
+
+
+@kernel
+def later(phase: float, d: float) -> tuple[int, float]:
+    """
+    Drive phase after a time, without loss of digits.
+
+    Parameters
+    ----------
+    phase : float
+        Phase [rad], in [0, 2 pi).
+    d : float
+        Time [1], not negative.
+
+    Returns
+    -------
+    tuple
+        Whole drive periods passed, and the phase in [0, 2 pi) [rad].
+
+    """
+    total = phase + d
+    if total < TWO_PI:
+        return 0, total
+    part = total - phase
+    rounding = (phase - (total - part)) + (d - part)
+    periods = np.floor(total / TWO_PI)
+    rest = (total - periods * TWO_PI) + (rounding - periods * TWO_PI_TAIL)
+    if rest < 0.0:
+        rest += TWO_PI
+        periods -= 1.0
+    if rest >= TWO_PI:
+        rest = max(rest - TWO_PI, 0.0)
+        periods += 1.0
+    return int(periods), rest
+
+
+@kernel
+def elapsed(cycles: int, phase_from: float, phase_to: float) -> float:
+    """
+    Time between two moments.
+
+    Parameters
+    ----------
+    cycles : int
+        Whole drive periods between them.
+    phase_from, phase_to : float
+        Their phases [rad].
+
+    Returns
+    -------
+    float
+        ``2 pi cycles + phase_to - phase_from`` [1].
+
+    """
+    return cycles * TWO_PI + (phase_to - phase_from)
+
+
+@kernel
+def rebound(velocity: float, towards: float, phase: float, alpha: float, beta: float,
+            gamma: float, restitution: float, kick: float) -> float:
+    """
+    Velocity after an impact, eq. (6).
+
+    Parameters
+    ----------
+    velocity : float
+        Just before [1].
+    towards : float
+        +1 for the upper wall, -1 for the lower.
+    phase : float
+        Drive phase [rad].
+    alpha, beta, gamma, restitution : float
+        Parameters [1].
+    kick : float
+        Random change of velocity [1], 0 without noise; a mass never goes through the wall.
+
+    Returns
+    -------
+    float
+        ``-r v`` plus the kick, or 0 where the mass sticks: so slow, with ``r < 1``, on a wall
+        against which it is pressed [1].
+
+    """
+    after = -restitution * velocity
+    if kick != 0.0:
+        return -towards * abs(after + kick)
+    if abs(after) < STICKING_SPEED and restitution < 1.0:
+        sin_p, cos_p = sine_cosine(phase)
+        if is_pressed(towards, sin_p, cos_p, alpha, beta, gamma):
+            return 0.0
+    return after

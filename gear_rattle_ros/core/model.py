@@ -1,0 +1,244 @@
+"""The gear-rattling model: its parameters, its state and the EVENT record."""
+
+import dataclasses
+import enum
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+# After an impact on a pressed wall, slower than this the mass sticks [1].
+STICKING_SPEED: Final = 1e-10
+
+# Largest magnitudes accepted [1]; far beyond any gear, well inside float64.
+ALPHA_MAXIMUM: Final = 1000.0
+BETA_MAXIMUM: Final = 100.0
+GAMMA_MAXIMUM: Final = 1000.0
+VELOCITY_MAXIMUM: Final = 1e4
+
+
+class EventKind(enum.IntEnum):
+    """What happened at an event."""
+
+    IMPACT = 0
+    STICK = 1
+    RELEASE = 2
+    RETUNE = 3
+    RESET = 4
+
+
+EVENT: Final = np.dtype(
+    [
+        ('kind', np.uint32),
+        ('index', np.uint32),
+        ('epoch', np.uint32),
+        ('cycle', np.uint32),
+        ('phase', np.float64),
+        ('displacement', np.float64),
+        ('velocity', np.float64),
+        ('velocity_after', np.float64),
+        ('alpha', np.float64),
+        ('beta', np.float64),
+        ('gamma', np.float64),
+        ('restitution', np.float64),
+    ],
+    align=True,
+)
+
+EventArray: TypeAlias = npt.NDArray[np.void]
+
+
+def require_finite(name: str, value: float, low: float, high: float) -> float:
+    """
+    Return a number as a float, or refuse it.
+
+    Parameters
+    ----------
+    name : str
+        What the number is, for the message.
+    value : float
+        The number [1].
+    low, high : float
+        Closed range it must lie in [1].
+
+    Returns
+    -------
+    float
+        The number.
+
+    Raises
+    ------
+    ValueError
+        If it is no number, not finite, or outside the range.
+
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f'{name} = {value!r} is not a number') from error
+    if not math.isfinite(number) or not low <= number <= high:
+        raise ValueError(f'{name} = {number!r} is outside [{low:g}, {high:g}]')
+    return number
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameters:
+    """
+    Dimensionless parameters of de Souza & Caldas, eqs. (2) and (6).
+
+    Attributes
+    ----------
+    alpha : float
+        Amplitude of the drive [1], 0 to 1000.
+    beta : float
+        Damping [1], 0 to 100.
+    gamma : float
+        Constant load [1], -1000 to 1000; positive presses towards the upper wall.
+    restitution : float
+        Coefficient of restitution r [1], 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        If a value is no number, not finite, or outside its range.
+
+    """
+
+    alpha: float = 0.48
+    beta: float = 0.1
+    gamma: float = 0.1
+    restitution: float = 0.9
+
+    def __post_init__(self) -> None:
+        """Validate and convert every field to float."""
+        for name, low, high in (
+            ('alpha', 0.0, ALPHA_MAXIMUM),
+            ('beta', 0.0, BETA_MAXIMUM),
+            ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM),
+            ('restitution', 0.0, 1.0),
+        ):
+            object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
+
+    @classmethod
+    def from_physical(
+        cls,
+        *,
+        inertia: float,
+        damping: float,
+        torque: float,
+        drive_amplitude: float,
+        drive_frequency: float,
+        driver_radius: float,
+        driven_radius: float,
+        backlash: float,
+        restitution: float,
+    ) -> 'Parameters':
+        """
+        Make dimensionless parameters from a gear pair.
+
+        Parameters
+        ----------
+        inertia : float
+            Moment of inertia of the driven gear m [kg m^2], positive.
+        damping : float
+            Linear oil drag d [N m s/rad], not negative.
+        torque : float
+            Constant load torque T [N m].
+        drive_amplitude : float
+            Amplitude of the driver's angular vibration A [rad], not negative.
+        drive_frequency : float
+            Its angular frequency omega [rad/s], positive.
+        driver_radius, driven_radius : float
+            Pitch radii R_e and R [m], positive.
+        backlash : float
+            Backlash nu [m], positive.
+        restitution : float
+            Coefficient of restitution r [1].
+
+        Returns
+        -------
+        Parameters
+            ``alpha = A R_e/nu``, ``beta = d/(m omega)``, ``gamma = T R/(m nu omega^2)``: the
+            paper's definitions below eq. (2), with the nu that makes gamma dimensionless.
+
+        Raises
+        ------
+        ValueError
+            If a quantity that must be positive is not, or a result is out of range.
+
+        """
+        for name, value in (
+            ('inertia', inertia),
+            ('drive_frequency', drive_frequency),
+            ('driver_radius', driver_radius),
+            ('driven_radius', driven_radius),
+            ('backlash', backlash),
+        ):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name} = {value!r} must be positive')
+        return cls(
+            alpha=drive_amplitude * driver_radius / backlash,
+            beta=damping / (inertia * drive_frequency),
+            gamma=torque * driven_radius / (inertia * backlash * drive_frequency**2),
+            restitution=restitution,
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """
+    A point of the trajectory.
+
+    Attributes
+    ----------
+    cycle : int
+        Completed drive periods.
+    phase : float
+        Drive phase tau mod 2 pi [rad], in [0, 2 pi).
+    displacement : float
+        Relative displacement s in units of the backlash [1], in [-1, 0].
+    velocity : float
+        ds/dtau [1].
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range; a displacement outside the walls is never clipped.
+
+    """
+
+    cycle: int = 0
+    phase: float = 0.0
+    displacement: float = 0.0
+    velocity: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate and convert every field."""
+        if self.cycle < 0:
+            raise ValueError(f'cycle = {self.cycle!r} is negative')
+        below_two_pi = math.nextafter(2.0 * math.pi, 0.0)
+        for name, low, high in (
+            ('phase', 0.0, below_two_pi),
+            ('displacement', -1.0, 0.0),
+            ('velocity', -VELOCITY_MAXIMUM, VELOCITY_MAXIMUM),
+        ):
+            object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
+
+
+def impact_count(events: EventArray) -> int:
+    """
+    Count the impacts in an array of EVENT; one that sticks is an impact too.
+
+    Parameters
+    ----------
+    events : ndarray of EVENT, shape (n,)
+        The records.
+
+    Returns
+    -------
+    int
+        How many are impacts.
+
+    """
+    return int(np.count_nonzero(events['kind'] <= EventKind.STICK))

@@ -1,0 +1,464 @@
+"""A trajectory as a stream of events: advance, retune in flight, reset."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+
+from .compiled import kernel
+from .elementary import sine_cosine, TWO_PI
+from .flight import (
+    displace,
+    elapsed,
+    FLYING,
+    is_pressed,
+    later,
+    LEG,
+    LEG_PERIODS,
+    LOWER,
+    NO_WALL,
+    rebound,
+    release_delay,
+    RESTING,
+    search_impact,
+    UPPER,
+)
+from .model import EVENT, EventArray, EventKind, Parameters, require_finite, State
+
+IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
+NOISE_MAXIMUM: Final = 10.0
+SEED_MAXIMUM: Final = 2**63 - 1
+WORD: Final = 2**32
+
+# The trajectory from its last event on, and the next impact where it has been found.
+TRAJECTORY: Final = np.dtype(
+    [
+        ('cycle', np.int64),
+        ('phase', np.float64),
+        ('displacement', np.float64),
+        ('velocity', np.float64),
+        ('mode', np.int64),
+        ('searched', np.float64),
+        ('wall', np.int64),
+        ('impact_velocity', np.float64),
+        ('index', np.int64),
+        ('epoch', np.int64),
+        ('alpha', np.float64),
+        ('beta', np.float64),
+        ('gamma', np.float64),
+        ('restitution', np.float64),
+        ('noise', np.float64),
+        ('seed', np.uint64),
+    ],
+    align=True,
+)
+
+
+@kernel
+def mixed(word: int) -> int:
+    """
+    Mix the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014).
+
+    Parameters
+    ----------
+    word : uint64
+        A counter.
+
+    Returns
+    -------
+    uint64
+        64 bits that look random.
+
+    """
+    word = np.uint64(word)
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+@kernel
+def gaussian(seed: int, index: int) -> float:
+    """
+    Draw the standard normal number that belongs to a seed and an impact (Box-Muller).
+
+    Parameters
+    ----------
+    seed : uint64
+        Seed of the run.
+    index : int
+        Number of the impact; each has a draw of its own, whatever came before.
+
+    Returns
+    -------
+    float
+        A normal deviate [1].
+
+    """
+    golden = np.uint64(0x9E3779B97F4A7C15)
+    counter = mixed(np.uint64(seed) + golden) + np.uint64(2 * index) * golden
+    first = mixed(counter)
+    second = mixed(counter + golden)
+    uniform = (np.float64(first >> np.uint64(11)) + 1.0) * 2.0**-53
+    angle = np.float64(second >> np.uint64(11)) * 2.0**-53 * TWO_PI
+    return math.sqrt(-2.0 * math.log(uniform)) * sine_cosine(angle)[1]
+
+
+@kernel
+def write_event(record, kind, trajectory, velocity):  # type: ignore[no-untyped-def]
+    """
+    Write the record of an event that has just been applied to a trajectory.
+
+    Parameters
+    ----------
+    record : EVENT record
+        Where to.
+    kind : int
+        An EventKind.
+    trajectory : TRAJECTORY record
+        Just after the event.
+    velocity : float
+        Velocity just before it [1].
+
+    """
+    record.kind = kind
+    record.index = trajectory.index & 0xFFFFFFFF
+    record.epoch = trajectory.epoch & 0xFFFFFFFF
+    record.cycle = trajectory.cycle & 0xFFFFFFFF
+    record.phase = trajectory.phase
+    record.displacement = trajectory.displacement
+    record.velocity = velocity
+    record.velocity_after = trajectory.velocity
+    record.alpha = trajectory.alpha
+    record.beta = trajectory.beta
+    record.gamma = trajectory.gamma
+    record.restitution = trajectory.restitution
+
+
+@kernel
+def settle(trajectory):  # type: ignore[no-untyped-def]
+    """
+    Decide whether a trajectory rests or flies, and forget the search for its next impact.
+
+    Parameters
+    ----------
+    trajectory : TRAJECTORY record
+        Just after an event other than a release.
+
+    """
+    trajectory.mode = FLYING
+    trajectory.searched = 0.0
+    trajectory.wall = NO_WALL
+    on_upper = trajectory.displacement == 0.0
+    if trajectory.velocity == 0.0 and (on_upper or trajectory.displacement == -1.0):
+        sine, cosine = sine_cosine(trajectory.phase)
+        if is_pressed(1.0 if on_upper else -1.0, sine, cosine, trajectory.alpha, trajectory.beta,
+                      trajectory.gamma):
+            trajectory.mode = RESTING
+
+
+@kernel
+def move_base(trajectory, d):  # type: ignore[no-untyped-def]
+    """
+    Move the phase of a trajectory's last event forward.
+
+    Parameters
+    ----------
+    trajectory : TRAJECTORY record
+        The trajectory.
+    d : float
+        How far [1].
+
+    """
+    periods, phase = later(trajectory.phase, d)
+    trajectory.cycle += periods
+    trajectory.phase = phase
+
+
+@kernel
+def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
+    """
+    Follow a trajectory up to a moment and write down its events.
+
+    The events do not depend on where a run is cut.
+
+    Parameters
+    ----------
+    trajectory : TRAJECTORY record
+        Changed in place.
+    events : ndarray of EVENT, shape (n,)
+        Room for the events.
+    cycle, phase : int, float
+        The moment: whole drive periods and phase [rad].
+
+    Returns
+    -------
+    int
+        How many events were written; fewer than n if the moment was reached.
+
+    """
+    t = trajectory
+    count = 0
+    while count < len(events):
+        left = elapsed(cycle - t.cycle, t.phase, phase)
+        if t.mode == RESTING:
+            towards = 1.0 if t.displacement == 0.0 else -1.0
+            delay = release_delay(towards, t.phase, t.alpha, t.beta, t.gamma)
+            if delay > left:
+                break
+            move_base(t, delay)
+            t.mode = FLYING
+            write_event(events[count], RELEASE, t, 0.0)
+            count += 1
+            continue
+        if t.wall == NO_WALL:
+            t.searched, t.impact_velocity, t.wall = search_impact(
+                t.searched, min(left, LEG), t.phase, t.displacement, t.velocity, t.alpha, t.beta,
+                t.gamma)
+        if t.wall == NO_WALL:
+            if t.searched < LEG or left < LEG:
+                break
+            sine, cosine = sine_cosine(t.phase)
+            moved, velocity, _, _ = displace(LEG, sine, cosine, t.velocity, t.alpha, t.beta,
+                                             t.gamma)
+            t.displacement = min(max(t.displacement + moved, -1.0), 0.0)
+            t.velocity = velocity
+            t.cycle += LEG_PERIODS
+            t.searched = 0.0
+            continue
+        if t.searched > left:
+            break
+        towards = 1.0 if t.wall == UPPER else -1.0
+        # Grazing, by rounding, does not come from behind the wall.
+        before = t.impact_velocity if t.impact_velocity * towards > 0.0 else 0.0
+        move_base(t, t.searched)
+        t.index += 1
+        kick = t.noise * gaussian(t.seed, t.index) if t.noise > 0.0 else 0.0
+        t.velocity = rebound(before, towards, t.phase, t.alpha, t.beta, t.gamma, t.restitution,
+                             kick)
+        t.displacement = 0.0 if t.wall == UPPER else -1.0
+        settle(t)
+        write_event(events[count], STICK if t.mode == RESTING else IMPACT, t, before)
+        count += 1
+    return count
+
+
+class Simulation:
+    """
+    One trajectory of the gear-rattling oscillator, advanced event by event.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        In force at the start.
+    initial : State
+        Where it starts; the displacement must be between the walls.
+    noise : float
+        Standard deviation of the Gaussian kick that an impact adds to the velocity [1].
+    seed : int
+        Seed of the noise; every impact has its own draw.
+
+    Raises
+    ------
+    ValueError
+        If noise or seed are out of range.
+
+    Notes
+    -----
+    The first record of the stream is the RESET that sets the initial state. The stream depends on
+    the parameters, the state, the seed and the moments of retunes and resets, not on how it is
+    cut by `advance`.
+
+    """
+
+    def __init__(self, parameters: Parameters, initial: State, *, noise: float = 0.0,
+                 seed: int = 0) -> None:
+        self._trajectory = np.zeros(1, TRAJECTORY)
+        t = self._trajectory[0]
+        t['cycle'], t['phase'] = initial.cycle, initial.phase
+        t['displacement'], t['velocity'] = initial.displacement, initial.velocity
+        self._cycle, self._phase = initial.cycle, initial.phase
+        self._write_parameters(parameters)
+        self.noise = noise
+        self.seed = seed
+        settle(t)
+        self._waiting = self._record(EventKind.RESET, initial.velocity)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters in force."""
+        return self._parameters
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the kick at impacts [1]."""
+        return float(self._trajectory[0]['noise'])
+
+    @noise.setter
+    def noise(self, value: float) -> None:
+        self._trajectory[0]['noise'] = require_finite('noise', value, 0.0, NOISE_MAXIMUM)
+
+    @property
+    def seed(self) -> int:
+        """Seed of the noise."""
+        return int(self._trajectory[0]['seed'])
+
+    @seed.setter
+    def seed(self, value: int) -> None:
+        if not 0 <= value <= SEED_MAXIMUM:
+            raise ValueError(f'seed = {value!r} is outside [0, {SEED_MAXIMUM}]')
+        self._trajectory[0]['seed'] = value
+
+    @property
+    def impacts(self) -> int:
+        """Impacts so far."""
+        return int(self._trajectory[0]['index'])
+
+    @property
+    def epoch(self) -> int:
+        """Retunes and resets so far."""
+        return int(self._trajectory[0]['epoch'])
+
+    @property
+    def state(self) -> State:
+        """The state at the moment up to which the trajectory has been advanced."""
+        displacement, velocity = self._now()
+        return State(self._cycle, self._phase, displacement, velocity)
+
+    @property
+    def is_resting_for_ever(self) -> bool:
+        """Whether the mass rests on a wall that it will never leave at these parameters."""
+        t = self._trajectory[0]
+        towards = 1.0 if t['displacement'] == 0.0 else -1.0
+        return t['mode'] == RESTING and math.isinf(
+            release_delay(towards, t['phase'], t['alpha'], t['beta'], t['gamma']))
+
+    def advance(self, cycle: int, phase: float, most: int) -> EventArray:
+        """
+        Go forward to a moment.
+
+        Parameters
+        ----------
+        cycle, phase : int, float
+            The moment: whole drive periods and phase [rad]. Going back is refused.
+        most : int
+            How many events to return at the most, positive; if there are so many, the trajectory
+            stands at the last of them.
+
+        Returns
+        -------
+        ndarray of EVENT, shape (n,)
+            The events on the way, in order.
+
+        Raises
+        ------
+        ValueError
+            If the moment lies before the present one, or `most` is not positive.
+
+        """
+        if most < 1:
+            raise ValueError(f'most = {most!r} must be positive')
+        if (cycle, phase) < (self._cycle, self._phase):
+            raise ValueError(
+                f'cycle {cycle}, phase {phase!r} lies before the present, cycle {self._cycle}, '
+                f'phase {self._phase!r}')
+        waiting = self._waiting[:most]
+        self._waiting = self._waiting[most:]
+        room = np.zeros(most - len(waiting), EVENT)
+        trajectory = self._trajectory[0]
+        count = run(trajectory, room, cycle, phase)
+        if count == len(room):
+            # The moment may not have been reached: the last event is as far as this goes.
+            base = (int(trajectory['cycle']), float(trajectory['phase']))
+            self._cycle, self._phase = max((self._cycle, self._phase), base)
+        else:
+            self._cycle, self._phase = cycle, phase
+        return np.concatenate([waiting, room[:count]]) if len(waiting) else room[:count]
+
+    def retune(self, parameters: Parameters) -> EventArray:
+        """
+        Change the parameters now; displacement and velocity are continuous.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            In force from now on.
+
+        Returns
+        -------
+        ndarray of EVENT, shape (n,)
+            The RETUNE record, after any records not yet handed out.
+
+        """
+        displacement, velocity = self._now()
+        t = self._trajectory[0]
+        self._move_to_present()
+        t['displacement'], t['velocity'] = displacement, velocity
+        self._write_parameters(parameters)
+        return self._begin_epoch(EventKind.RETUNE)
+
+    def reset(self, phase: float, displacement: float, velocity: float) -> EventArray:
+        """
+        Set the state at the next moment that has a given drive phase; time never goes back.
+
+        Parameters
+        ----------
+        phase : float
+            Drive phase [rad], in [0, 2 pi).
+        displacement, velocity : float
+            The new state [1].
+
+        Returns
+        -------
+        ndarray of EVENT, shape (n,)
+            The RESET record, after any records not yet handed out.
+
+        Raises
+        ------
+        ValueError
+            If the state is out of range.
+
+        """
+        state = State(0, phase, displacement, velocity)
+        self._cycle += 1 if state.phase < self._phase else 0
+        self._phase = state.phase
+        t = self._trajectory[0]
+        t['cycle'], t['phase'] = self._cycle, self._phase
+        t['displacement'], t['velocity'] = state.displacement, state.velocity
+        return self._begin_epoch(EventKind.RESET)
+
+    def _now(self) -> tuple[float, float]:
+        t = self._trajectory[0]
+        if t['mode'] == RESTING:
+            return float(t['displacement']), 0.0
+        d = max(elapsed(self._cycle - t['cycle'], t['phase'], self._phase), 0.0)
+        if d == 0.0:
+            return float(t['displacement']), float(t['velocity'])
+        sine, cosine = sine_cosine(t['phase'])
+        moved, velocity, _, _ = displace(
+            d, sine, cosine, t['velocity'], t['alpha'], t['beta'], t['gamma'])
+        return min(max(float(t['displacement'] + moved), -1.0), 0.0), velocity
+
+    def _move_to_present(self) -> None:
+        t = self._trajectory[0]
+        t['cycle'], t['phase'] = max(
+            (self._cycle, self._phase), (int(t['cycle']), float(t['phase'])))
+        self._cycle, self._phase = int(t['cycle']), float(t['phase'])
+
+    def _begin_epoch(self, kind: EventKind) -> EventArray:
+        t = self._trajectory[0]
+        t['epoch'] += 1
+        settle(t)
+        records = np.concatenate([self._waiting, self._record(kind, t['velocity'])])
+        self._waiting = records[:0]
+        return records
+
+    def _record(self, kind: EventKind, velocity: float) -> EventArray:
+        records = np.zeros(1, EVENT)
+        write_event(records[0], int(kind), self._trajectory[0], velocity)
+        return records
+
+    def _write_parameters(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        for name, value in dataclasses.asdict(parameters).items():
+            self._trajectory[0][name] = value
