@@ -1,0 +1,177 @@
+"""The one place where numpy meets ROS messages; stamps and frame ids."""
+
+import array
+from collections.abc import Iterable, Mapping
+import math
+from typing import Final
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import Header
+
+from .core.model import EVENT, EventArray
+
+# The plane (phase, velocity), in which points of the section are drawn.
+SECTION_FRAME: Final = 'section'
+LEVELS: Final = {
+    'ok': DiagnosticStatus.OK,
+    'warn': DiagnosticStatus.WARN,
+    'error': DiagnosticStatus.ERROR,
+}
+
+# A point of the cloud: what RViz draws (phase, velocity, displacement), then the EVENT.
+POINT: Final = np.dtype(
+    [('x', np.float32), ('y', np.float32), ('z', np.float32)]
+    + [(name, EVENT[name]) for name in EVENT.fields or ()],
+    align=True,
+)
+_DATATYPES: Final = {
+    np.dtype(np.uint32): PointField.UINT32,
+    np.dtype(np.float32): PointField.FLOAT32,
+    np.dtype(np.float64): PointField.FLOAT64,
+}
+_FIELDS: Final = [
+    PointField(name=name, offset=offset, datatype=_DATATYPES[kind], count=1)
+    for name, (kind, offset) in ((name, POINT.fields[name][:2]) for name in POINT.names or ())
+]
+
+
+def stamp_from_nanoseconds(nanoseconds: int) -> Time:
+    """Return a ROS time from nanoseconds since the epoch."""
+    seconds, rest = divmod(int(nanoseconds), 1_000_000_000)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def nanoseconds_from_stamp(stamp: Time) -> int:
+    """Return nanoseconds since the epoch from a ROS time."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def drive_time_nanoseconds(cycle: int, phase: float, omega: float) -> int:
+    """Return tau/omega [ns] of a moment; whole periods are converted without rounding up."""
+    period = 2.0 * math.pi / omega * 1e9
+    return round(cycle * period) + round(phase / omega * 1e9)
+
+
+def cloud_from_events(events: EventArray, stamp: Time) -> PointCloud2:
+    """Return a PointCloud2 with an EVENT array of shape (n,) and float32 positions in front."""
+    points = np.empty(len(events), POINT)
+    points['x'] = events['phase']
+    points['y'] = events['velocity']
+    points['z'] = events['displacement']
+    for name in EVENT.names or ():
+        points[name] = events[name]
+    cloud = PointCloud2()
+    cloud.header = Header(stamp=stamp, frame_id=SECTION_FRAME)
+    cloud.height = 1
+    cloud.width = len(events)
+    cloud.fields = _FIELDS
+    cloud.is_bigendian = False
+    cloud.point_step = POINT.itemsize
+    cloud.row_step = POINT.itemsize * len(events)
+    cloud.is_dense = True
+    # An array of bytes is moved, a numpy array would be copied element by element.
+    cloud.data = array.array('B', points.tobytes())
+    return cloud
+
+
+def events_from_cloud(cloud: PointCloud2) -> EventArray:
+    """Return the EVENT array in a PointCloud2; ValueError says what does not fit."""
+    return decode_points(
+        [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields],
+        int(cloud.width) * int(cloud.height),
+        int(cloud.point_step),
+        bool(cloud.is_bigendian),
+        memoryview(cloud.data),
+    )
+
+
+def decode_points(fields: Iterable[tuple[str, int, int, int]], count: int, step: int,
+                  is_bigendian: bool, data: memoryview) -> EventArray:
+    """Return EVENT records from the parts of a point cloud, whatever its other fields are."""
+    formats = {code: kind for kind, code in _DATATYPES.items()}
+    found = {name: (offset, datatype, number) for name, offset, datatype, number in fields}
+    if data.nbytes < count * step:
+        raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
+    order = '>' if is_bigendian else '<'
+    offsets = []
+    for name in EVENT.names or ():
+        if name not in found:
+            raise ValueError(f'cloud has no field {name!r}')
+        offset, datatype, number = found[name]
+        if formats.get(datatype) != EVENT[name] or number != 1:
+            raise ValueError(
+                f'cloud field {name!r} has datatype {datatype} and count {number}, '
+                f'not {_DATATYPES[EVENT[name]]} and 1')
+        if offset + EVENT[name].itemsize > step:
+            raise ValueError(f'cloud field {name!r} at {offset} lies outside a point of {step}')
+        offsets.append(offset)
+    layout = np.dtype({
+        'names': list(EVENT.names or ()),
+        'formats': [EVENT[name].newbyteorder(order) for name in EVENT.names or ()],
+        'offsets': offsets,
+        'itemsize': step,
+    })
+    raw = np.frombuffer(data, layout, count)
+    events = np.empty(count, EVENT)
+    for name in EVENT.names or ():
+        events[name] = raw[name]
+    check_events(events)
+    return events
+
+
+def check_events(events: EventArray) -> None:
+    """Refuse records that no simulator writes: ValueError names the first bad value."""
+    if not len(events):
+        return
+    for name, low, high in (
+        ('kind', 0, 4),
+        ('phase', 0.0, 2.0 * math.pi),
+        ('displacement', -1.0, 0.0),
+        ('velocity', -math.inf, math.inf),
+        ('velocity_after', -math.inf, math.inf),
+        ('alpha', 0.0, math.inf),
+        ('beta', 0.0, math.inf),
+        ('gamma', -math.inf, math.inf),
+        ('restitution', 0.0, 1.0),
+    ):
+        column = events[name]
+        good = (column >= low) & (column <= high) & np.isfinite(column)
+        if not good.all():
+            bad = int(np.argmin(good))
+            raise ValueError(f'event {bad} of the batch has {name} = {column[bad]!r}')
+
+
+def joint_state(values: Mapping[str, tuple[float, float]], stamp: Time,
+                frame_id: str = '') -> JointState:
+    """Return a JointState of named (position, velocity) pairs; effort is filled with zeros."""
+    return JointState(
+        header=Header(stamp=stamp, frame_id=frame_id),
+        name=list(values),
+        position=array.array('d', [float(position) for position, _ in values.values()]),
+        velocity=array.array('d', [float(velocity) for _, velocity in values.values()]),
+        effort=array.array('d', bytes(8 * len(values))),
+    )
+
+
+def named_values(values: Mapping[str, float], stamp: Time) -> JointState:
+    """Return named float64 values with a stamp, as the positions of a JointState."""
+    return joint_state({name: (value, 0.0) for name, value in values.items()}, stamp)
+
+
+def diagnostic_array(name: str, hardware_id: str, level: str, message: str,
+                     values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
+    """Return a DiagnosticArray with one status; floats are written with all their digits."""
+    status = DiagnosticStatus(
+        level=LEVELS[level],
+        name=name,
+        message=message,
+        hardware_id=hardware_id,
+        values=[
+            KeyValue(key=key, value=repr(float(value)) if isinstance(value, float) else str(value))
+            for key, value in values.items()
+        ],
+    )
+    return DiagnosticArray(header=Header(stamp=stamp), status=[status])

@@ -1,0 +1,206 @@
+"""The table of all parameters, and how a node declares and guards them."""
+
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+import math
+from typing import Final, TypeAlias
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from .core import model, simulation
+
+Value: TypeAlias = bool | int | float | str
+
+
+@dataclasses.dataclass(frozen=True)
+class Specification:
+    """One parameter: its default also gives its type."""
+
+    name: str
+    default: Value
+    description: str
+    unit: str = '1'
+    low: float | None = None
+    high: float | None = None
+    read_only: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return the ROS descriptor."""
+        descriptor = ParameterDescriptor(
+            description=f'{self.description} [{self.unit}]' if self.unit else self.description,
+            read_only=self.read_only,
+        )
+        if self.low is not None and self.high is not None:
+            if isinstance(self.default, float):
+                descriptor.floating_point_range = [
+                    FloatingPointRange(from_value=float(self.low), to_value=float(self.high))]
+            else:
+                descriptor.integer_range = [
+                    IntegerRange(from_value=int(self.low), to_value=int(self.high))]
+        return descriptor
+
+    def check(self, value: object) -> Value:
+        """Return a value of the right type and range; ValueError names the offending one."""
+        wanted = type(self.default)
+        if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if not isinstance(value, wanted) or (wanted is int and isinstance(value, bool)):
+            raise ValueError(f'{self.name} = {value!r} is not of type {_TYPE_NAMES[wanted]}')
+        if isinstance(value, float) and math.isnan(value):
+            raise ValueError(f'{self.name} = {value!r} is not a number')
+        if self.low is not None and self.high is not None:
+            assert isinstance(value, (int, float))
+            if not self.low <= value <= self.high:
+                raise ValueError(
+                    f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
+        return value
+
+
+_TYPE_NAMES: Final[dict[type, str]] = {
+    bool: 'bool', int: 'integer', float: 'double', str: 'string'}
+_BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
+
+SIMULATOR: Final = (
+    Specification('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
+    Specification('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
+    Specification('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM,
+                  high=model.GAMMA_MAXIMUM),
+    Specification('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0),
+    Specification('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
+                  high=simulation.NOISE_MAXIMUM),
+    Specification('rate', 100.0, 'speed; 0 = as fast as the readers keep up',
+                  'drive periods per second', 0.0, 1e7),
+    Specification('alpha_target', 0.48, 'where a ramp of alpha leads', low=0.0,
+                  high=model.ALPHA_MAXIMUM),
+    Specification('alpha_rate', 0.0, 'change of alpha at the end of every drive period while it '
+                  'is not at alpha_target; 0 = no ramp, and becomes 0 at its end or when alpha is '
+                  'set', '1 per drive period', 0.0, 1.0),
+    Specification('initial_phase', 0.0, 'drive phase at start and reset', 'rad', 0.0,
+                  _BELOW_TWO_PI),
+    Specification('initial_displacement', 0.0, 'displacement at start and reset', low=-1.0,
+                  high=0.0),
+    Specification('initial_velocity', -0.5, 'velocity at start and reset',
+                  low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
+    Specification('seed', 0, 'seed of the noise, used at start and reset', '', 0,
+                  simulation.SEED_MAXIMUM),
+    Specification('omega', 2.0 * math.pi, 'drive frequency, for the stamps: time is tau/omega',
+                  'rad/s', 1e-6, 1e9, read_only=True),
+    Specification('tick', 0.02, 'one batch is published so often', 's', 0.001, 10.0,
+                  read_only=True),
+    Specification('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0,
+                  read_only=True),
+    Specification('backlash_angle', 0.01, 'backlash, which scales the joint states', 'rad', 1e-9,
+                  1.0, read_only=True),
+    Specification('publish_clock', False, 'publish the simulated time on /clock', '',
+                  read_only=True),
+    Specification('start_paused', False, 'wait for ~/pause to be called with false', '',
+                  read_only=True),
+)
+LYAPUNOV: Final = (
+    Specification('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0,
+                  read_only=True),
+    Specification('window', 1000, 'impacts in the finite-time exponent', 'impacts', 1, 1000000,
+                  read_only=True),
+)
+TRANSIENTS: Final = (
+    Specification('tolerance', 1e-3, 'largest distance from an orbit in phase, velocity and '
+                  'flight time', low=1e-9, high=0.1, read_only=True),
+)
+RECORDER: Final = (
+    Specification('output', '', 'bag directory to make; empty = rosbag2_<date and time> here', '',
+                  read_only=True),
+    Specification('compression', 'zstd', 'of the chunks: zstd, lz4 or none', '', read_only=True),
+)
+REPLAY: Final = (
+    Specification('bag', '', 'bag directory or .mcap file', '', read_only=True),
+    Specification('speed', 1.0, 'times the recorded timing; 0 = as fast as the readers keep up',
+                  '1', 0.0, 1e6, read_only=True),
+    Specification('start', 0.0, 'begin so long after the first message', 's', 0.0, 1e12,
+                  read_only=True),
+    Specification('end', 0.0, 'stop so long after the first message; 0 = at the end', 's', 0.0,
+                  1e12, read_only=True),
+    Specification('loop', False, 'begin again at the end', '', read_only=True),
+    Specification('clock', False, 'publish the recorded time on /clock', '', read_only=True),
+)
+VIEWER: Final = (
+    Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '
+                  'is a display, else none', '', read_only=True),
+    Specification('save', '', 'file to write as well (.rrd); empty = none', '', read_only=True),
+    Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535, read_only=True),
+)
+TABLES: Final[Mapping[str, Sequence[Specification]]] = {
+    'simulator': SIMULATOR,
+    'lyapunov': LYAPUNOV,
+    'transients': TRANSIENTS,
+    'recorder': RECORDER,
+    'replay': REPLAY,
+    'viewer': VIEWER,
+}
+
+
+def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
+    """Declare a table; an integer for a double is taken, ValueError names anything else bad."""
+    values = {}
+    for specification in table:
+        # Typed at once, an integer override of a double could not even be read.
+        loose = ParameterDescriptor(dynamic_typing=True)
+        try:
+            value = node.declare_parameter(
+                specification.name, specification.default, loose).value
+        except ParameterException as error:
+            raise ValueError(f'parameter {specification.name}: {error}') from error
+        node.undeclare_parameter(specification.name)
+        values[specification.name] = specification.check(value)
+        node.declare_parameter(
+            specification.name, values[specification.name], specification.descriptor(),
+            ignore_override=True)
+    return values
+
+
+def guard(node: Node, table: Sequence[Specification],
+          validate: Callable[[dict[str, Value]], None],
+          apply: Callable[[dict[str, Value]], None]) -> None:
+    """Let the live parameters of a table be set, all or none, with a reason where refused."""
+    specifications = {specification.name: specification for specification in table}
+
+    def promote(parameters: list[Parameter]) -> list[Parameter]:
+        return [
+            Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
+            if parameter.type_ == Parameter.Type.INTEGER
+            and isinstance(_default(specifications, parameter.name), float) else parameter
+            for parameter in parameters
+        ]
+
+    def accept(parameters: list[Parameter]) -> SetParametersResult:
+        # Whatever goes wrong here would end the node: it becomes the answer instead.
+        try:
+            validate({
+                parameter.name: specifications[parameter.name].check(parameter.value)
+                for parameter in parameters if parameter.name in specifications
+            })
+        except Exception as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def put(parameters: list[Parameter]) -> None:
+        apply({
+            parameter.name: parameter.value
+            for parameter in parameters if parameter.name in specifications
+        })
+
+    node.add_pre_set_parameters_callback(promote)
+    node.add_on_set_parameters_callback(accept)
+    node.add_post_set_parameters_callback(put)
+
+
+def _default(specifications: Mapping[str, Specification], name: str) -> Value | None:
+    specification = specifications.get(name)
+    return None if specification is None else specification.default
