@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
+import difflib
 import math
 from typing import Final, TypeAlias
 
@@ -11,7 +12,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -66,6 +66,8 @@ class Specification:
 
 _TYPE_NAMES: Final[dict[type, str]] = {
     bool: 'bool', int: 'integer', float: 'double', str: 'string'}
+# Parameters that rclpy itself declares or reads.
+_OF_ROS: Final = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
 _BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
 
 SIMULATOR: Final = (
@@ -147,17 +149,24 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
 
 
 def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
-    """Declare a table; an integer for a double is taken, ValueError names anything else bad."""
+    """
+    Declare a table on a node made with its overrides declared; ValueError names a bad one.
+
+    An integer is taken for a double, and a name that is in no table is refused.
+    """
+    names = [specification.name for specification in table]
+    given = node.get_parameters_by_prefix('')
+    for name in given:
+        if name not in names and not name.startswith(_OF_ROS):
+            close = difflib.get_close_matches(name, names, 1)
+            hint = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(names)}'
+            raise ValueError(f'unknown parameter {name!r}; {hint}')
     values = {}
     for specification in table:
-        # Typed at once, an integer override of a double could not even be read.
-        loose = ParameterDescriptor(dynamic_typing=True)
-        try:
-            value = node.declare_parameter(
-                specification.name, specification.default, loose).value
-        except ParameterException as error:
-            raise ValueError(f'parameter {specification.name}: {error}') from error
-        node.undeclare_parameter(specification.name)
+        value: object = specification.default
+        if specification.name in given:
+            value = given[specification.name].value
+            node.undeclare_parameter(specification.name)
         values[specification.name] = specification.check(value)
         node.declare_parameter(
             specification.name, values[specification.name], specification.descriptor(),
