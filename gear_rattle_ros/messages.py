@@ -1,7 +1,7 @@
 """The one place where numpy meets ROS messages; stamps and frame ids."""
 
 import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 import math
 from typing import Final
 
@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from .core.model import EVENT, EventArray
+from .core.points import decode_points, POINT, point_fields
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'
@@ -21,20 +22,9 @@ LEVELS: Final = {
     'error': DiagnosticStatus.ERROR,
 }
 
-# A point of the cloud: what RViz draws (phase, velocity, displacement), then the EVENT.
-POINT: Final = np.dtype(
-    [('x', np.float32), ('y', np.float32), ('z', np.float32)]
-    + [(name, EVENT[name]) for name in EVENT.fields or ()],
-    align=True,
-)
-_DATATYPES: Final = {
-    np.dtype(np.uint32): PointField.UINT32,
-    np.dtype(np.float32): PointField.FLOAT32,
-    np.dtype(np.float64): PointField.FLOAT64,
-}
 _FIELDS: Final = [
-    PointField(name=name, offset=offset, datatype=_DATATYPES[kind], count=1)
-    for name, (kind, offset) in ((name, POINT.fields[name][:2]) for name in POINT.names or ())
+    PointField(name=name, offset=offset, datatype=datatype, count=count)
+    for name, offset, datatype, count in point_fields()
 ]
 
 
@@ -86,62 +76,6 @@ def events_from_cloud(cloud: PointCloud2) -> EventArray:
         bool(cloud.is_bigendian),
         memoryview(cloud.data),
     )
-
-
-def decode_points(fields: Iterable[tuple[str, int, int, int]], count: int, step: int,
-                  is_bigendian: bool, data: memoryview) -> EventArray:
-    """Return EVENT records from the parts of a point cloud, whatever its other fields are."""
-    formats = {code: kind for kind, code in _DATATYPES.items()}
-    found = {name: (offset, datatype, number) for name, offset, datatype, number in fields}
-    if data.nbytes < count * step:
-        raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
-    order = '>' if is_bigendian else '<'
-    offsets = []
-    for name in EVENT.names or ():
-        if name not in found:
-            raise ValueError(f'cloud has no field {name!r}')
-        offset, datatype, number = found[name]
-        if formats.get(datatype) != EVENT[name] or number != 1:
-            raise ValueError(
-                f'cloud field {name!r} has datatype {datatype} and count {number}, '
-                f'not {_DATATYPES[EVENT[name]]} and 1')
-        if offset + EVENT[name].itemsize > step:
-            raise ValueError(f'cloud field {name!r} at {offset} lies outside a point of {step}')
-        offsets.append(offset)
-    layout = np.dtype({
-        'names': list(EVENT.names or ()),
-        'formats': [EVENT[name].newbyteorder(order) for name in EVENT.names or ()],
-        'offsets': offsets,
-        'itemsize': step,
-    })
-    raw = np.frombuffer(data, layout, count)
-    events = np.empty(count, EVENT)
-    for name in EVENT.names or ():
-        events[name] = raw[name]
-    check_events(events)
-    return events
-
-
-def check_events(events: EventArray) -> None:
-    """Refuse records that no simulator writes: ValueError names the first bad value."""
-    if not len(events):
-        return
-    for name, low, high in (
-        ('kind', 0, 4),
-        ('phase', 0.0, 2.0 * math.pi),
-        ('displacement', -1.0, 0.0),
-        ('velocity', -math.inf, math.inf),
-        ('velocity_after', -math.inf, math.inf),
-        ('alpha', 0.0, math.inf),
-        ('beta', 0.0, math.inf),
-        ('gamma', -math.inf, math.inf),
-        ('restitution', 0.0, 1.0),
-    ):
-        column = events[name]
-        good = (column >= low) & (column <= high) & np.isfinite(column)
-        if not good.all():
-            bad = int(np.argmin(good))
-            raise ValueError(f'event {bad} of the batch has {name} = {column[bad]!r}')
 
 
 def joint_state(values: Mapping[str, tuple[float, float]], stamp: Time,

@@ -1,0 +1,166 @@
+"""EVENT records as points of a cloud: the layout, and reading any cloud that has the fields."""
+
+from collections.abc import Iterable, Sequence
+import math
+from typing import Final
+
+import numpy as np
+
+from .model import EVENT, EventArray, EventKind
+
+# A point of the cloud: what RViz draws (phase, velocity, displacement), then the EVENT.
+POINT: Final = np.dtype(
+    [('x', np.float32), ('y', np.float32), ('z', np.float32)]
+    + [(name, EVENT[name]) for name in EVENT.names or ()],
+    align=True,
+)
+# The numbers by which sensor_msgs/PointField calls the types.
+_DATATYPES: Final = {
+    np.dtype(np.uint32): 6,
+    np.dtype(np.float32): 7,
+    np.dtype(np.float64): 8,
+}
+# Name, offset, datatype and count of a field, as in sensor_msgs/PointField.
+Field = tuple[str, int, int, int]
+
+
+def point_fields() -> list[Field]:
+    """
+    Describe a POINT.
+
+    Returns
+    -------
+    list of tuple
+        Name, offset [byte], datatype (sensor_msgs/PointField's number) and count of each field.
+
+    """
+    layout = ((name, POINT.fields[name]) for name in POINT.names or () if POINT.fields)
+    return [(name, int(field[1]), _DATATYPES[field[0]], 1) for name, field in layout]
+
+
+def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bool,
+                data: memoryview, names: Sequence[str]) -> EventArray:
+    """
+    Look at some EVENT fields of a point cloud where they lie.
+
+    Parameters
+    ----------
+    fields : iterable of tuple
+        Name, offset [byte], datatype and count of each field of the cloud.
+    count : int
+        Number of points.
+    step : int
+        Length of a point [byte].
+    is_bigendian : bool
+        Order of the bytes.
+    data : memoryview
+        The points.
+    names : sequence of str
+        Fields of EVENT.
+
+    Returns
+    -------
+    structured ndarray, shape (count,)
+        A view with these fields.
+
+    Raises
+    ------
+    ValueError
+        If a field is missing or of another type, or the data is too short.
+
+    """
+    formats = {code: kind for kind, code in _DATATYPES.items()}
+    found = {name: (offset, datatype, number) for name, offset, datatype, number in fields}
+    if data.nbytes < count * step:
+        raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
+    offsets = []
+    for name in names:
+        if name not in found:
+            raise ValueError(f'cloud has no field {name!r}')
+        offset, datatype, number = found[name]
+        if formats.get(datatype) != EVENT[name] or number != 1:
+            raise ValueError(
+                f'cloud field {name!r} has datatype {datatype} and count {number}, '
+                f'not {_DATATYPES[EVENT[name]]} and 1')
+        if offset + EVENT[name].itemsize > step:
+            raise ValueError(f'cloud field {name!r} at {offset} lies outside a point of {step}')
+        offsets.append(offset)
+    layout = np.dtype({
+        'names': list(names),
+        'formats': [EVENT[name].newbyteorder('>' if is_bigendian else '<') for name in names],
+        'offsets': offsets,
+        'itemsize': step,
+    })
+    return np.frombuffer(data, layout, count)
+
+
+def decode_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bool,
+                  data: memoryview) -> EventArray:
+    """
+    Copy EVENT records out of a point cloud, whatever its other fields are.
+
+    Parameters
+    ----------
+    fields : iterable of tuple
+        Name, offset [byte], datatype and count of each field of the cloud.
+    count : int
+        Number of points.
+    step : int
+        Length of a point [byte].
+    is_bigendian : bool
+        Order of the bytes.
+    data : memoryview
+        The points.
+
+    Returns
+    -------
+    ndarray of EVENT, shape (count,)
+        The records.
+
+    Raises
+    ------
+    ValueError
+        If the cloud does not fit, or holds values that no simulator writes.
+
+    """
+    raw = view_points(fields, count, step, is_bigendian, data, EVENT.names or ())
+    events = np.empty(count, EVENT)
+    for name in EVENT.names or ():
+        events[name] = raw[name]
+    check_events(events)
+    return events
+
+
+def check_events(events: EventArray) -> None:
+    """
+    Refuse records that no simulator writes.
+
+    Parameters
+    ----------
+    events : ndarray of EVENT, shape (n,)
+        The records.
+
+    Raises
+    ------
+    ValueError
+        Naming the first bad value.
+
+    """
+    if not len(events):
+        return
+    for name, low, high in (
+        ('kind', 0, max(EventKind)),
+        ('phase', 0.0, 2.0 * math.pi),
+        ('displacement', -1.0, 0.0),
+        ('velocity', -math.inf, math.inf),
+        ('velocity_after', -math.inf, math.inf),
+        ('alpha', 0.0, math.inf),
+        ('beta', 0.0, math.inf),
+        ('gamma', -math.inf, math.inf),
+        ('restitution', 0.0, 1.0),
+    ):
+        column = events[name]
+        good = (column >= low) & (column <= high) & np.isfinite(column)
+        if not good.all():
+            bad = int(np.argmin(good))
+            raise ValueError(f'event {bad} of the batch has {name} = {column[bad]!r}')
