@@ -1,0 +1,211 @@
+"""The motion between events, rebuilt from their records alone."""
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from .compiled import kernel
+from .elementary import sine_cosine, TWO_PI
+from .flight import displace, elapsed, is_pressed
+from .model import EventArray, EventKind
+
+RELEASE = int(EventKind.RELEASE)
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """
+    A stretch of the motion, sampled.
+
+    Attributes
+    ----------
+    tau : ndarray of float, shape (n,)
+        Drive phase, counted from the beginning of the last event's drive period [rad].
+    displacement : ndarray of float, shape (n,)
+        s [1].
+    velocity : ndarray of float, shape (n,)
+        s' [1]; an event stands twice, just before it and just after it.
+
+    """
+
+    tau: npt.NDArray[np.float64]
+    displacement: npt.NDArray[np.float64]
+    velocity: npt.NDArray[np.float64]
+
+
+@kernel
+def rests_after(event) -> bool:  # type: ignore[no-untyped-def]
+    """
+    Tell whether the mass stands still on a wall after an event.
+
+    Parameters
+    ----------
+    event : EVENT record
+        The event.
+
+    Returns
+    -------
+    bool
+        True if it sticks, or was set down at rest on a wall that it is pressed against.
+
+    """
+    on_upper = event.displacement == 0.0
+    if event.kind == RELEASE or event.velocity_after != 0.0:
+        return False
+    if not on_upper and event.displacement != -1.0:
+        return False
+    sine, cosine = sine_cosine(event.phase)
+    return is_pressed(1.0 if on_upper else -1.0, sine, cosine, event.alpha, event.beta,
+                      event.gamma)
+
+
+@kernel
+def state_after(event, d: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """
+    State at a time after an event and not after the next one.
+
+    Parameters
+    ----------
+    event : EVENT record
+        The event.
+    d : float
+        Time since it [1], not negative.
+
+    Returns
+    -------
+    tuple of float
+        s and s' [1], eqs. (4)-(5).
+
+    """
+    if rests_after(event):
+        return event.displacement, 0.0
+    sine, cosine = sine_cosine(event.phase)
+    moved, velocity, _, _ = displace(d, sine, cosine, event.velocity_after, event.alpha,
+                                     event.beta, event.gamma)
+    return event.displacement + moved, velocity
+
+
+@kernel
+def pieces(duration: float, step: float) -> int:
+    """
+    Number of equal steps in which a flight is sampled.
+
+    Parameters
+    ----------
+    duration : float
+        Of the flight [1].
+    step : float
+        Longest step wanted [1].
+
+    Returns
+    -------
+    int
+        At least one.
+
+    """
+    return max(1, int(math.ceil(duration / step)))
+
+
+@kernel
+def sample(events, starts, step, tau, displacement, velocity):  # type: ignore[no-untyped-def]
+    """
+    Sample the motion between each event and the next.
+
+    Parameters
+    ----------
+    events : ndarray of EVENT, shape (n,)
+        The events.
+    starts : ndarray of float, shape (n,)
+        How long after each event its samples begin [1].
+    step : float
+        Longest step [1].
+    tau, displacement, velocity : ndarray of float, shape (m,)
+        Room for the samples; if it is empty they are only counted.
+
+    Returns
+    -------
+    int
+        The number of samples.
+
+    """
+    count = 0
+    last = events[-1]
+    for i in range(len(events) - 1):
+        event = events[i]
+        after = events[i + 1]
+        # Differences of the cycle numbers are taken modulo 2^32, as these are.
+        cycles = np.int64(np.uint32(after.cycle - event.cycle))
+        duration = max(elapsed(cycles, event.phase, after.phase), 0.0)
+        begin = starts[i]
+        if begin > duration:
+            continue
+        number = pieces(duration - begin, step)
+        if len(tau):
+            back = -np.int64(np.uint32(last.cycle - event.cycle)) * TWO_PI
+            for j in range(number + 1):
+                d = duration if j == number else begin + (duration - begin) * j / number
+                s, v = state_after(event, d)
+                tau[count + j] = back + (event.phase + d)
+                displacement[count + j] = s
+                velocity[count + j] = v
+        count += number + 1
+    return count
+
+
+def drive_phases(events: EventArray) -> npt.NDArray[np.float64]:
+    """
+    Give every event its drive phase on one axis.
+
+    Parameters
+    ----------
+    events : ndarray of EVENT, shape (n,)
+        Records in order, n > 0, over fewer than 2^32 drive periods.
+
+    Returns
+    -------
+    ndarray of float, shape (n,)
+        tau, counted from the beginning of the last event's drive period [rad].
+
+    """
+    back = (events['cycle'][-1] - events['cycle']).astype(np.float64)
+    return np.asarray(events['phase'] - TWO_PI * back, np.float64)
+
+
+def rebuild(events: EventArray, step: float, periods: float = math.inf) -> Motion:
+    """
+    Rebuild the motion between the events of a stream without a hole.
+
+    Parameters
+    ----------
+    events : ndarray of EVENT, shape (n,)
+        Records in order, none missing between them.
+    step : float
+        Longest step between samples [1], positive; both ends of every flight are samples.
+    periods : float
+        Only what begins so many drive periods before the last event's own [1].
+
+    Returns
+    -------
+    Motion
+        Samples; none for fewer than two events.
+
+    Raises
+    ------
+    ValueError
+        If `step` is not positive.
+
+    """
+    if not step > 0.0:
+        raise ValueError(f'step = {step!r} must be positive')
+    none = np.empty(0)
+    if len(events) < 2:
+        return Motion(none, none, none)
+    starts = np.maximum(-TWO_PI * periods - drive_phases(events), 0.0)
+    # Flights that end before the stretch are left out whole.
+    events = np.ascontiguousarray(events)
+    count = sample(events, starts, step, none, none, none)
+    tau, displacement, velocity = np.empty((3, count))
+    sample(events, starts, step, tau, displacement, velocity)
+    return Motion(tau, displacement, velocity)
