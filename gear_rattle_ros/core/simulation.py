@@ -320,6 +320,11 @@ class Simulation:
         return int(self._trajectory[0]['epoch'])
 
     @property
+    def moment(self) -> tuple[int, float]:
+        """Whole drive periods and phase [rad] up to which the trajectory has been advanced."""
+        return self._cycle, self._phase
+
+    @property
     def state(self) -> State:
         """The state at the moment up to which the trajectory has been advanced."""
         displacement, velocity = self._now()

@@ -45,10 +45,13 @@ class StreamGuard:
         Holes found.
     restarts : int
         Times the numbering began anew.
+    first_index : int or None
+        Number of the last impact in or before the first record seen.
 
     """
 
     def __init__(self) -> None:
+        self.first_index: int | None = None
         self.lost = 0
         self.gaps = 0
         self.restarts = 0
@@ -72,6 +75,7 @@ class StreamGuard:
         if not len(events):
             return []
         if self._last is None:
+            self.first_index = int(events['index'][0])
             chain = events
             follows = np.empty(len(events), bool)
             follows[0] = False

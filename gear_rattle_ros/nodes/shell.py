@@ -5,17 +5,25 @@ from collections.abc import Callable, Mapping, Sequence
 import signal
 import sys
 import time
+from types import FrameType
 
 from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import PointCloud2
 
 from ..core.model import EventArray
+from ..core.stream import StreamGuard
 from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
 from ..parameters import declare, Specification
 from ..qos import STREAM_INPUT
+
+
+# A signal is seen between two callbacks, or after so long without one [s].
+STOP_SEEN_WITHIN = 0.1
 
 
 class StartError(Exception):
@@ -23,11 +31,12 @@ class StartError(Exception):
 
 
 class ShellNode(Node, abc.ABC):
-    """A node with a table of parameters and diagnostics once a second."""
+    """A node with a table of parameters and diagnostics once a second; ends when finished."""
 
     def __init__(self, name: str, table: Sequence[Specification]) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self.values = declare(self, table)
+        self.is_finished = False
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._publish_diagnostics)
 
@@ -65,12 +74,17 @@ class EventInput:
         self._subscription = node.create_subscription(
             PointCloud2, 'impacts', self._receive, STREAM_INPUT)
 
-    def rate(self) -> float:
-        """Return events per second since the last call."""
+    def counts(self) -> dict[str, object]:
+        """Return what has come in, for the diagnostics, and the rate since the last call."""
         now = time.monotonic()
         rate = (self.events - self._seen) / max(now - self._since, 1e-9)
         self._since, self._seen = now, self.events
-        return rate
+        return {
+            'batches': self.batches,
+            'events': self.events,
+            'events_per_second': rate,
+            'refused_batches': self.refused,
+        }
 
     def _receive(self, cloud: PointCloud2) -> None:
         try:
@@ -86,29 +100,86 @@ class EventInput:
         self._take(events, nanoseconds_from_stamp(cloud.header.stamp))
 
 
+class HoleLog:
+    """Says once what a guard has found: where a reader comes in, and every hole."""
+
+    def __init__(self, node: Node, guard: StreamGuard, consequence: str) -> None:
+        self._node = node
+        self._guard = guard
+        self._consequence = consequence
+        self._said = (0, 0, 0)
+        self._joined = False
+
+    def speak(self) -> None:
+        """Log what is new."""
+        guard = self._guard
+        now = (guard.gaps, guard.lost, guard.restarts)
+        if not self._joined:
+            self._joined = True
+            self._node.get_logger().info(f'the stream is here at impact {guard.first_index}')
+        if now == self._said:
+            return
+        if guard.gaps != self._said[0]:
+            self._node.get_logger().warning(
+                f'{guard.lost - self._said[1]} impacts were lost; {self._consequence}')
+        if guard.restarts != self._said[2]:
+            self._node.get_logger().info(f'the stream has begun anew; {self._consequence}')
+        self._said = now
+
+    def status(self) -> tuple[str, str]:
+        """Return level and message for the diagnostics."""
+        if not self._joined:
+            return 'ok', 'no impacts yet'
+        if self._guard.gaps:
+            return 'warn', f'{self._guard.lost} impacts lost in {self._guard.gaps} gaps'
+        return 'ok', 'whole'
+
+    def counts(self) -> dict[str, object]:
+        """Return what was lost, for the diagnostics."""
+        return {
+            'gaps': self._guard.gaps,
+            'lost_impacts': self._guard.lost,
+            'restarts': self._guard.restarts,
+        }
+
+
+class Stop:
+    """SIGINT and SIGTERM: they interrupt a start, and end the spinning between two callbacks."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.spinning = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._handle)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        if not self.spinning:
+            raise KeyboardInterrupt
+
+
 def run_node(name: str, make: Callable[[], ShellNode], arguments: list[str] | None) -> int:
     """Spin a node until it is told to stop; exit status 0, or 2 where it cannot start."""
+    # rclpy's own handlers would invalidate the context under a callback that publishes.
+    stop = Stop()
     node = None
     try:
-        rclpy.init(args=arguments)
-        node = make()
-        rclpy.spin(node)
+        try:
+            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+            node = make()
+        except (StartError, ValueError, RCLError) as error:
+            print(f'{name}: {str(error).splitlines()[0]}', file=sys.stderr)
+            return 2
+        stop.spinning = True
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while not (stop.asked or node.is_finished):
+            executor.spin_once(timeout_sec=STOP_SEEN_WITHIN)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (StartError, ValueError) as error:
-        if node is not None:
-            raise
-        print(f'{name}: {error}', file=sys.stderr)
-        return 2
-    except Exception as error:
-        # Arguments that rcl itself refuses; the first line says which.
-        if rclpy.ok() or node is not None:
-            raise
-        print(f'{name}: {str(error).splitlines()[0]}', file=sys.stderr)
-        return 2
     finally:
-        # A second Ctrl-C must not cut what is being written.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        # From here on a second Ctrl-C must not cut what is being written.
+        stop.spinning = True
         if node is not None:
             node.close()
             node.destroy_node()

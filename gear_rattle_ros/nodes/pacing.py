@@ -1,0 +1,58 @@
+"""How fast the simulator may publish: by the clock, or by what its readers acknowledge."""
+
+import time
+
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+
+# Batches published before every reader must have acknowledged them all; far below STREAM_DEPTH.
+WINDOW = 64
+# One wait for acknowledgements, so that parameters and Ctrl-C are served in between.
+PATIENCE = Duration(nanoseconds=20_000_000)
+
+
+class AcknowledgedPace:
+    """
+    Publish no faster than the slowest matched reliable reader takes the batches.
+
+    A reader that keeps all acknowledges a batch only when it has room for it, so nothing is
+    dropped. A reader that has died is waited for until DDS gives it up (20 s by default).
+    """
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.waiting_since: float | None = None
+        self._publisher = publisher
+        self._open = 0
+
+    def published(self) -> None:
+        """Count a batch."""
+        self._open += 1
+
+    def may_publish(self) -> bool:
+        """Tell whether there is room for another batch; waits a moment where there is none."""
+        if self._open < WINDOW:
+            return True
+        if self._publisher.wait_for_all_acked(PATIENCE):
+            self._open = 0
+            self.waiting_since = None
+            return True
+        if self.waiting_since is None:
+            self.waiting_since = time.monotonic()
+        return False
+
+
+class ClockPace:
+    """Drive periods that are due since the last call, at a rate per second of wall time."""
+
+    def __init__(self, longest: float) -> None:
+        self.lag = 0.0
+        self._longest = longest
+        self._before = time.monotonic()
+
+    def due(self, rate: float) -> float:
+        """Return the drive periods due; time beyond the longest tick is given up, as lag [s]."""
+        now = time.monotonic()
+        passed = now - self._before
+        self._before = now
+        self.lag = max(passed - self._longest, 0.0)
+        return rate * min(passed, self._longest)

@@ -1,0 +1,288 @@
+"""The simulator: publishes impact events, steered by live parameters."""
+
+from collections.abc import Mapping
+import dataclasses
+import math
+import time
+
+from builtin_interfaces.msg import Time
+import numpy as np
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+from ..core.model import EventArray, Parameters, State
+from ..core.simulation import Simulation
+from ..messages import (
+    cloud_from_events,
+    drive_time_nanoseconds,
+    joint_state,
+    stamp_from_nanoseconds,
+)
+from ..parameters import guard, SIMULATOR, Value
+from ..qos import CLOCK, STREAM
+from .pacing import AcknowledgedPace, ClockPace
+from .shell import run_node, ShellNode
+
+# Records in one batch at the most: 100 KB, so that full readers stay below 0.5 GB.
+LARGEST_BATCH = 1024
+# With rate = 0 a batch is also ended after so many drive periods: it may hold no impact at all.
+LONGEST_BATCH = 4096
+MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
+# How often a ramp shows in the parameter alpha [s].
+RAMP_SHOWN_EVERY = 0.25
+# Pause of a tick without anything to do at rate = 0 [s].
+IDLE = 0.005
+# How long the last batches may take to arrive when the node ends [s].
+LAST_BATCHES = 1.0
+BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
+
+
+class Simulator(ShellNode):
+    """One trajectory, advanced in ticks; one batch of events a tick."""
+
+    def __init__(self) -> None:
+        super().__init__('simulator', SIMULATOR)
+        values = self.values
+        self._omega = self.number('omega')
+        self._scale = self.number('backlash_angle')
+        self._rate = self.number('rate')
+        self._ramp = (self.number('alpha_target'), self.number('alpha_rate'))
+        self._paused = bool(values['start_paused'])
+        began = time.monotonic()
+        self._simulation = Simulation(
+            _model(values), _initial(values), noise=self.number('noise'),
+            seed=int(values['seed']))
+        # Compile, or load, every kernel before anybody waits for the first event.
+        Simulation(_model(values), _initial(values)).advance(1, 0.0, 2)
+        self._outbox: list[EventArray] = []
+        self._start = self.get_clock().now().nanoseconds
+        self._impacts = self.create_publisher(PointCloud2, 'impacts', STREAM)
+        self._joints = self.create_publisher(JointState, 'joint_states', STREAM)
+        self._clock_output = (
+            self.create_publisher(Clock, '/clock', CLOCK) if values['publish_clock'] else None)
+        self._acknowledged = AcknowledgedPace(self._impacts)
+        self._by_clock = ClockPace(longest=max(10 * self.number('tick'), 0.5))
+        self._setting = False
+        self._ramp_shown = 0.0
+        self._counted = (time.monotonic(), 0)
+        guard(self, SIMULATOR, self._validate, self._apply)
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.create_service(SetBool, '~/pause', self._pause)
+        if self.number('display_rate') > 0.0:
+            self.create_timer(1.0 / self.number('display_rate'), self._publish_joints)
+        self._timer = self.create_timer(self._period(), self._tick)
+        self.get_logger().info(
+            f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}'
+            + (', paused' if self._paused else ''))
+
+    def report(self) -> tuple[str, str, Mapping[str, object]]:
+        """Return rates, backlog and parameters."""
+        now, impacts = time.monotonic(), self._simulation.impacts
+        since, before = self._counted
+        self._counted = (now, impacts)
+        waiting = self._acknowledged.waiting_since
+        level, message = 'ok', 'running'
+        if self._paused:
+            message = 'paused'
+        elif self._rate == 0.0 and waiting is not None and now - waiting > 1.0:
+            level, message = 'warn', f'waiting {now - waiting:.0f} s for a reader'
+        elif self._rate > 0.0 and self._by_clock.lag > 0.0:
+            level, message = 'warn', 'slower than the rate asked for'
+        elif self._simulation.is_resting_for_ever:
+            message = 'at rest on a wall for ever'
+        state = self._simulation.state
+        return level, message, {
+            'impacts': impacts,
+            'impacts_per_second': (impacts - before) / (now - since),
+            'epoch': self._simulation.epoch,
+            'cycle': state.cycle,
+            'readers': self._impacts.get_subscription_count(),
+            **dataclasses.asdict(self._simulation.parameters),
+            'noise': self._simulation.noise,
+            'rate': self._rate,
+        }
+
+    def close(self) -> None:
+        """Hand out what has happened."""
+        self._flush()
+        self._impacts.wait_for_all_acked(Duration(seconds=LAST_BATCHES))
+
+    def _period(self) -> float:
+        return 0.0 if self._rate == 0.0 else self.number('tick')
+
+    def _tick(self) -> None:
+        periods = self._by_clock.due(self._rate)
+        if self._paused:
+            self._flush()
+            time.sleep(IDLE if self._rate == 0.0 else 0.0)
+        elif self._rate > 0.0:
+            self._advance(periods)
+        elif self._acknowledged.may_publish():
+            self._run_batch()
+
+    def _run_batch(self) -> None:
+        """Advance by one full batch, whatever the time."""
+        room = LARGEST_BATCH
+        first = self._simulation.moment[0]
+        while room > 0 and self._simulation.moment[0] < first + LONGEST_BATCH:
+            room -= self._collect(first + LONGEST_BATCH, 0.0, room)
+        if self._outbox:
+            self._flush()
+            self._acknowledged.published()
+        else:
+            time.sleep(IDLE)
+
+    def _advance(self, periods: float) -> None:
+        """Advance by a number of drive periods, to be finished within the tick."""
+        deadline = time.monotonic() + self.number('tick')
+        cycle, phase = self._simulation.moment
+        whole, fraction = divmod(phase / (2.0 * math.pi) + periods, 1.0)
+        target = (cycle + int(whole), min(fraction * 2.0 * math.pi, BELOW_TWO_PI))
+        while self._simulation.moment < target and time.monotonic() < deadline:
+            self._collect(*target, LARGEST_BATCH)
+            if sum(map(len, self._outbox)) >= LARGEST_BATCH:
+                self._flush()
+        self._flush()
+
+    def _collect(self, cycle: int, phase: float, most: int) -> int:
+        """Advance to a moment or by so many records; a ramp takes its step at a period's end."""
+        ramping = self._ramp[1] > 0.0
+        period_end = (self._simulation.moment[0] + 1, 0.0)
+        target = min((cycle, phase), period_end) if ramping else (cycle, phase)
+        events = self._simulation.advance(*target, most)
+        if len(events):
+            self._outbox.append(events)
+        if ramping and self._simulation.moment == period_end:
+            self._ramp_step()
+        return len(events)
+
+    def _ramp_step(self) -> None:
+        target, rate = self._ramp
+        before = self._simulation.parameters
+        alpha = before.alpha + math.copysign(
+            min(rate, abs(target - before.alpha)), target - before.alpha)
+        if alpha != before.alpha:
+            self._outbox.append(
+                self._simulation.retune(dataclasses.replace(before, alpha=alpha)))
+        done = alpha == target
+        if done or time.monotonic() - self._ramp_shown > RAMP_SHOWN_EVERY:
+            self._ramp_shown = time.monotonic()
+            self._show({'alpha': alpha} | ({'alpha_rate': 0.0} if done else {}))
+        if done:
+            self._ramp = (target, 0.0)
+            self.get_logger().info(f'the ramp has reached alpha = {alpha:g}')
+
+    def _show(self, values: Mapping[str, float]) -> None:
+        """Make the ROS parameters say what is in force."""
+        self._setting = True
+        try:
+            self.set_parameters([
+                Parameter(name, Parameter.Type.DOUBLE, value) for name, value in values.items()])
+        finally:
+            self._setting = False
+
+    def _flush(self) -> None:
+        stamp = self._stamp()
+        if self._outbox:
+            events = np.concatenate(self._outbox)
+            self._outbox = []
+            for first in range(0, len(events), LARGEST_BATCH):
+                self._impacts.publish(
+                    cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
+        if self._clock_output is not None:
+            self._clock_output.publish(Clock(clock=stamp))
+
+    def _stamp(self) -> Time:
+        return stamp_from_nanoseconds(
+            self._start + drive_time_nanoseconds(*self._simulation.moment, self._omega))
+
+    def _publish_joints(self) -> None:
+        state = self._simulation.state
+        alpha = self._simulation.parameters.alpha
+        driver = -alpha * math.sin(state.phase)
+        driver_speed = -alpha * math.cos(state.phase)
+        angle, speed = self._scale, self._scale * self._omega
+        # s = driven - driver: the driver vibrates, the driven gear is hit by it.
+        self._joints.publish(joint_state({
+            'driver_gear': (angle * driver, speed * driver_speed),
+            'driven_gear': (angle * (state.displacement + driver),
+                            speed * (state.velocity + driver_speed)),
+            'backlash': (angle * state.displacement, speed * state.velocity),
+        }, self._stamp()))
+
+    def _validate(self, values: dict[str, Value]) -> None:
+        if not self._setting:
+            _model({name: values.get(name, self._current(name)) for name in MODEL})
+        _initial({name: values.get(name, self.get_parameter(name).value) for name in (
+            'initial_phase', 'initial_displacement', 'initial_velocity')})
+
+    def _current(self, name: str) -> float:
+        return float(getattr(self._simulation.parameters, name))
+
+    def _apply(self, values: dict[str, Value]) -> None:
+        if self._setting:
+            return
+        changed = {name: float(values[name]) for name in MODEL if name in values}
+        if changed:
+            before = self._simulation.parameters
+            after = dataclasses.replace(before, **changed)
+            if after != before:
+                self._outbox.append(self._simulation.retune(after))
+                self.get_logger().info(_words(after))
+        if 'noise' in values:
+            self._simulation.noise = float(values['noise'])
+        target = float(values.get('alpha_target', self._ramp[0]))
+        ramp_rate = float(values.get('alpha_rate', self._ramp[1]))
+        if 'alpha' in values and 'alpha_rate' not in values and ramp_rate:
+            ramp_rate = 0.0
+            self._show({'alpha_rate': 0.0})
+        self._ramp = (target, ramp_rate)
+        if 'rate' in values and float(values['rate']) != self._rate:
+            self._rate = float(values['rate'])
+            self._by_clock.due(0.0)
+            self._timer.timer_period_ns = round(self._period() * 1e9)
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        names = ('initial_phase', 'initial_displacement', 'initial_velocity', 'seed')
+        values = {name: self.get_parameter(name).value for name in names}
+        state = _initial(values)
+        self._simulation.seed = int(values['seed'])
+        self._outbox.append(
+            self._simulation.reset(state.phase, state.displacement, state.velocity))
+        now = self._simulation.state
+        response.success = True
+        response.message = (
+            f'reset in drive period {now.cycle} at phase {now.phase:g} to s = '
+            f'{now.displacement:g}, v = {now.velocity:g}; epoch {self._simulation.epoch}')
+        self.get_logger().info(response.message)
+        return response
+
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = bool(request.data)
+        response.success = True
+        response.message = 'paused' if self._paused else 'running'
+        self.get_logger().info(response.message)
+        return response
+
+
+def _model(values: Mapping[str, Value]) -> Parameters:
+    return Parameters(**{name: float(values[name]) for name in MODEL})
+
+
+def _initial(values: Mapping[str, Value]) -> State:
+    return State(
+        0, float(values['initial_phase']), float(values['initial_displacement']),
+        float(values['initial_velocity']))
+
+
+def _words(parameters: Parameters) -> str:
+    return ', '.join(f'{name} = {value:g}' for name, value in dataclasses.asdict(
+        parameters).items())
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the node; the exit status is 0, or 2 where it cannot start."""
+    return run_node('simulator', Simulator, arguments)
