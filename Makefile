@@ -1,0 +1,78 @@
+# run, test, test-long, lint, bench, clean: each makes .venv first where it has to.
+PYTHON ?= python3
+ARGS ?=
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := gear_rattle_ros test tools benchmark setup.py
+# What an editable install copies or reads: a change of it installs anew.
+INSTALLED := setup.py setup.cfg package.xml constraints.txt $(shell find config resource -type f)
+PIP := $(BIN)/python -m pip install --quiet --no-input --disable-pip-version-check \
+	--constraint constraints.txt
+
+# Nodes find each other on this machine only, and files below the prefix of the environment.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+# A sourced ROS installation would mix its own rclpy into it.
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
+unexport PYTHONPATH
+
+define CHECK
+import platform as p, sys
+version, system, machine = sys.version_info[:2], p.system(), p.machine()
+good = (system, machine, p.libc_ver()[0]) == ('Linux', 'x86_64', 'glibc')
+if not good or not (3, 10) <= version <= (3, 14):
+    sys.exit(
+        'make: the ROS 2 wheels need Linux on x86_64 with glibc and Python 3.10 to 3.14, and '
+        f'$(PYTHON) is Python {version[0]}.{version[1]} on {system} {machine}; '
+        'name another with make PYTHON=...')
+try:
+    import ensurepip, venv
+except ImportError:
+    sys.exit(
+        'make: $(PYTHON) cannot make a virtual environment; install the package '
+        f'python{version[0]}.{version[1]}-venv, or name another with make PYTHON=...')
+endef
+export CHECK
+
+.PHONY: run test test-long lint bench clean
+.DELETE_ON_ERROR:
+
+run: $(VENV)/run.stamp
+	@$(BIN)/python -S tools/foreground.py $(BIN)/suite $(ARGS)
+
+test: $(VENV)/test.stamp
+	$(BIN)/python -m pytest $(ARGS)
+
+test-long: $(VENV)/test.stamp
+	$(BIN)/python -m pytest -m long $(ARGS)
+
+lint: $(VENV)/test.stamp
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/flake8 $(SOURCES)
+	$(BIN)/ament_pep257 gear_rattle_ros
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python tools/check_manifest.py package.xml
+
+bench: $(VENV)/test.stamp
+	@set -e; for script in $(sort $(wildcard benchmark/*.py)); do \
+		echo "== $$script"; $(BIN)/python $$script; done
+
+clean:
+	rm -rf $(VENV) build install log *.egg-info .mypy_cache .pytest_cache .ruff_cache \
+		.import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/run.stamp: $(INSTALLED)
+	@command -v $(PYTHON) >/dev/null || { \
+		echo 'make: no $(PYTHON) here; name a Python 3.10 to 3.14 with make PYTHON=...' >&2; exit 2; }
+	@$(PYTHON) -c "$$CHECK"
+	@echo 'Installing into $(VENV) ...'
+	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
+	@$(PIP) setuptools
+	@$(PIP) --no-build-isolation --editable '.[ros]'
+	@touch $@
+
+$(VENV)/test.stamp: $(VENV)/run.stamp
+	@echo 'Installing the tools of the tests into $(VENV) ...'
+	@$(PIP) --no-build-isolation --editable '.[ros,test,lint]'
+	@touch $@

@@ -1,0 +1,147 @@
+"""Build gear_rattle_ros: one table of executables for colcon and for plain pip."""
+
+from pathlib import Path
+import xml.etree.ElementTree as ElementTree
+
+from setuptools import Distribution, find_packages, setup
+
+# After setuptools, which brings its own copy where Python has none any more.
+from distutils.command.install_data import install_data
+
+PACKAGE = 'gear_rattle_ros'
+
+# Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
+EXECUTABLES = {
+    'lyapunov': 'nodes.lyapunov',
+    'recorder': 'nodes.recorder',
+    'replay': 'nodes.replay',
+    'simulator': 'nodes.simulator',
+    'suite': 'nodes.suite',
+    'summary': 'offline.summary',
+    'transients': 'nodes.transients',
+    'viewer': 'nodes.viewer',
+}
+
+# Started through the kernel by its full path, it hands over to pip's own script of that name,
+# which knows the environment's python; exec, so that a signal reaches the node itself.
+LAUNCHER = '#!/bin/sh\nexec "${0%/*}/../../bin/${0##*/}" "$@"\n'
+
+
+class Package(Distribution):
+    """A distribution whose data files an editable install brings too."""
+
+    def has_data(self):
+        """Answer what setuptools asks under this name before an editable install of the data."""
+        return self.has_data_files()
+
+
+class InstallData(install_data):
+    """
+    Install the data files and, with pip, the launchers that `ros2 run` looks for.
+
+    setup.cfg makes colcon put the executables into lib/gear_rattle_ros themselves; pip puts them
+    into bin/ whatever setup.cfg says.
+    """
+
+    def run(self):
+        """Copy the data files, then write the launchers."""
+        super().run()
+        scripts = Path(self.get_finalized_command('install_scripts').install_dir)
+        if scripts.parts[-2:] == ('lib', PACKAGE):
+            return
+        folder = Path(self.install_dir, 'lib', PACKAGE)
+        self.mkpath(str(folder))
+        for name in EXECUTABLES:
+            launcher = folder / name
+            self.execute(launcher.write_text, (LAUNCHER,), f'writing {launcher}')
+            launcher.chmod(0o755)
+            self.outfiles.append(str(launcher))
+
+
+def data_files():
+    """List what goes to share/: the ament marker, package.xml, config/ and the launch files."""
+    files = {
+        'share/ament_index/resource_index/packages': [f'resource/{PACKAGE}'],
+        f'share/{PACKAGE}': ['package.xml'],
+    }
+    for path in sorted(Path('config').rglob('*')):
+        if path.is_file():
+            below = path.parent.relative_to('config')
+            kept = below if below.parts[:1] == ('launch',) else Path('config', below)
+            files.setdefault(f'share/{PACKAGE}/{kept.as_posix()}', []).append(path.as_posix())
+    return sorted(files.items())
+
+
+manifest = ElementTree.parse('package.xml').getroot()
+readme = Path('README.md')
+
+setup(
+    name=PACKAGE,
+    version=manifest.findtext('version'),
+    description='Gear rattling as a live laboratory on ROS 2',
+    long_description=readme.read_text(encoding='utf-8') if readme.exists() else '',
+    long_description_content_type='text/markdown',
+    license=manifest.findtext('license'),
+    maintainer=manifest.findtext('maintainer'),
+    maintainer_email=manifest.find('maintainer').get('email'),
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    data_files=data_files(),
+    python_requires='>=3.10',
+    install_requires=[
+        'matplotlib',
+        'mcap>=1.2',
+        'numba>=0.58',
+        'numpy>=1.26',
+        'pyyaml',
+        'rerun-sdk',
+        'rich',
+    ],
+    # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
+    extras_require={
+        'ros': [
+            'ros-jazzy-common-interfaces',
+            'ros-jazzy-rclpy',
+            'ros-jazzy-rmw-fastrtps-cpp',
+        ],
+        'test': [
+            'catkin-pkg',
+            'colcon-core',
+            'colcon-package-information',
+            'colcon-python-setup-py',
+            'colcon-recursive-crawl',
+            'colcon-ros',
+            'cyclonedds; python_version < "3.14"',
+            'hypothesis',
+            'import-linter',
+            'mpmath',
+            'pytest',
+            'rosbags',
+            'scipy',
+            'setuptools>=70.1,<80',
+        ],
+        # flake8 with the plugins of ament_flake8, whose wheel stops at Python 3.11.
+        'lint': [
+            'ament-lint-pep257',
+            'catkin-pkg',
+            'flake8',
+            'flake8-builtins',
+            'flake8-class-newline',
+            'flake8-comprehensions',
+            'flake8-deprecated',
+            'flake8-docstrings',
+            'flake8-import-order',
+            'import-linter',
+            'mypy',
+            'ruff',
+            'types-pyyaml',
+        ],
+    },
+    entry_points={
+        'console_scripts': [
+            f'{name} = {PACKAGE}.{module}:main' for name, module in EXECUTABLES.items()
+        ],
+    },
+    distclass=Package,
+    cmdclass={'install_data': InstallData},
+    zip_safe=False,
+)
