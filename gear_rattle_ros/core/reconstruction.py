@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from .flight import displace, elapsed, is_pressed
 from .model import EventArray, EventKind
 
 RELEASE = int(EventKind.RELEASE)
+Column: TypeAlias = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,9 +32,9 @@ class Motion:
 
     """
 
-    tau: npt.NDArray[np.float64]
-    displacement: npt.NDArray[np.float64]
-    velocity: npt.NDArray[np.float64]
+    tau: Column
+    displacement: Column
+    velocity: Column
 
 
 @kernel
@@ -90,7 +92,7 @@ def state_after(event, d: float) -> tuple[float, float]:  # type: ignore[no-unty
 @kernel
 def pieces(duration: float, step: float) -> int:
     """
-    Number of equal steps in which a flight is sampled.
+    Count the equal steps in which a flight is sampled.
 
     Parameters
     ----------
@@ -109,7 +111,8 @@ def pieces(duration: float, step: float) -> int:
 
 
 @kernel
-def sample(events, starts, step, tau, displacement, velocity):  # type: ignore[no-untyped-def]
+def sample(events: EventArray, starts: Column, step: float, tau: Column, displacement: Column,
+           velocity: Column) -> int:
     """
     Sample the motion between each event and the next.
 
@@ -154,7 +157,7 @@ def sample(events, starts, step, tau, displacement, velocity):  # type: ignore[n
     return count
 
 
-def drive_phases(events: EventArray) -> npt.NDArray[np.float64]:
+def drive_phases(events: EventArray) -> Column:
     """
     Give every event its drive phase on one axis.
 

@@ -1,0 +1,128 @@
+"""Draws the stream, the exponents and the transient with rerun: file, window or web page."""
+
+from collections.abc import Mapping
+import math
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+
+from ..core.model import EventArray, Parameters, State
+from ..core.reconstruction import rebuild
+from ..core.simulation import Simulation
+from ..parameters import VIEWER
+from ..qos import LATCHED, STREAM
+from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
+from .viewer_recent import Recent
+from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
+from .viewer_sinks import chosen_mode, file_recording, Window
+
+COLOURS = ('age', 'alpha')
+
+
+class Viewer(ShellNode):
+    """Collects what comes in and draws the newest of it a few times a second."""
+
+    def __init__(self) -> None:
+        super().__init__('viewer', VIEWER)
+        colour, save = str(self.values['colour']), str(self.values['save'])
+        if colour not in COLOURS:
+            raise StartError(f'colour = {colour!r} is not one of {", ".join(COLOURS)}')
+        mode = chosen_mode(str(self.values['mode']), save)
+        # Kernels are compiled before anything comes in.
+        rebuild(Simulation(Parameters(), State()).advance(4, 0.0, 100), 0.1)
+        self._scenes: list[Scene] = []
+        self._window: Window | None = None
+        if save:
+            self._scenes.append(Scene(file_recording(save, colour), colour, thins=True))
+            self.get_logger().info(f'draws to {save}')
+        if mode != 'none':
+            self._window = Window(mode, int(self.number('web_port')), colour)
+            self._scenes.append(Scene(self._window.recording, colour, thins=False))
+            self.get_logger().info(f'draws to {self._window.place}')
+        self._recent = Recent(DRAWN_MOST + 200)
+        self._holes = HoleLog(self, self._recent.guard, 'the axes go on')
+        self._estimate: Mapping[str, float] = {}
+        self._transient: tuple[str, Mapping[str, str]] = ('', {})
+        self._waiting_since = math.inf
+        self._lag = 0.0
+        self._input = EventInput(self, self._take)
+        self.create_subscription(JointState, 'lyapunov', self._take_estimate, STREAM)
+        self.create_subscription(DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        self.create_timer(INTERVAL, self._draw)
+        self.get_logger().info('ready')
+
+    def report(self) -> tuple[str, str, Mapping[str, object]]:
+        """Return what was drawn, what was left out, and how far the drawing is behind."""
+        level, message = self._holes.status()
+        if self._window is not None and not self._window.is_open:
+            level, message = 'warn', 'the viewer has been closed'
+        drawn = max((scene.drawn for scene in self._scenes), default=0)
+        lag, self._lag = self._lag, 0.0
+        return level, message, {
+            **self._input.counts(), **self._holes.counts(),
+            'rows_logged': sum(scene.rows for scene in self._scenes),
+            'impacts_drawn': drawn,
+            'impacts_thinned_out': self._recent.impacts - drawn,
+            'largest_lag_seconds': lag,
+        }
+
+    def close(self) -> None:
+        """Draw the last and write out everything."""
+        for scene in self._scenes:
+            scene.draw(self._recent, self._document(), time.monotonic())
+            scene.close()
+        if self._window is not None:
+            self._window.close()
+
+    def _take(self, events: EventArray, stamp: int) -> None:
+        self._waiting_since = min(self._waiting_since, time.monotonic())
+        self._recent.take(events)
+        self._holes.speak()
+
+    def _take_estimate(self, message: JointState) -> None:
+        self._estimate = dict(zip(message.name, message.position, strict=True))
+        for scene in self._scenes:
+            scene.estimate(self._estimate)
+
+    def _take_transient(self, message: DiagnosticArray) -> None:
+        if not message.status:
+            return
+        status = message.status[0]
+        self._transient = (status.message, {item.key: item.value for item in status.values})
+        for scene in self._scenes:
+            scene.say(status.message, 'INFO', self._recent.now)
+
+    def _draw(self) -> None:
+        now = time.monotonic()
+        document = self._document()
+        for scene in self._scenes:
+            if scene.is_due(now):
+                scene.draw(self._recent, document, now)
+        if self._waiting_since < math.inf:
+            self._lag = max(self._lag, time.monotonic() - self._waiting_since)
+            self._waiting_since = math.inf
+
+    def _document(self) -> str:
+        if self._recent.now is None:
+            return 'no impacts yet'
+        event = self._recent.now.event
+        text, values = self._transient
+        lines = [f'**{text or "no word of the transient yet"}**', '']
+        if 'multiplier' in values:
+            lines += [f'multiplier {float(values["multiplier"]):.4f}', '']
+        lines += [f'alpha **{event["alpha"]:g}**, beta {event["beta"]:g}, '
+                  f'gamma {event["gamma"]:g}, r {event["restitution"]:g}', '']
+        if self._estimate:
+            e = self._estimate
+            lines += ['| exponents | |', '|---|---|',
+                      f'| λ1 | {e["lambda_1"]:.5f} ± {e["lambda_1_error"]:.5f} |',
+                      f'| λ2 | {e["lambda_2"]:.5f} |',
+                      f'| sum, exact | {e["sum"]:.6f}, {e["exact_sum"]:.6f} |',
+                      f'| impacts | {e["impacts"]:.0f} |']
+        return '\n'.join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the node; the exit status is 0, or 2 where it cannot start."""
+    return run_node('viewer', Viewer, arguments)

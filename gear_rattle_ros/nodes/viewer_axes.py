@@ -1,0 +1,152 @@
+"""Frames, ticks and colours of the viewer's pictures, and the blueprint that arranges them."""
+
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+import rerun.blueprint as rrb
+
+TWO_PI = 2.0 * math.pi
+# Half the height of the section; its width is 2 pi. Velocities are scaled to it.
+HALF_HEIGHT: Final = 2.2
+FLIGHT_PERIODS: Final = 4
+# A drive period is drawn so wide, in units of the backlash.
+PERIOD_WIDTH: Final = 1.3
+# Impacts, or drive periods, that the view of the velocity goes back.
+VELOCITY_WINDOW: Final = 2000
+# Pictures with axes of our own keep one dark ground in both themes, so colours stay what they are.
+GROUND: Final = (18, 20, 26)
+FRAME: Final = 0x8A8F98FF
+FAINT: Final = 0x4A4F58FF
+BRIGHT: Final = 0xFFFFFFFF
+MOTION: Final = 0x6CC5FFFF
+WALL: Final = 0xE0A040FF
+# Plasma without its darkest part, evenly spaced.
+_PLASMA: Final = np.array([
+    (0x74, 0x3A, 0xC0), (0x96, 0x38, 0xB8), (0xB8, 0x3C, 0x98), (0xD8, 0x57, 0x6B),
+    (0xED, 0x79, 0x53), (0xFA, 0x9E, 0x3B), (0xFD, 0xC9, 0x26), (0xF0, 0xF9, 0x21)], float)
+
+Logged = tuple[str, rr.AsComponents]
+
+
+def colours_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+    """Return RGBA colours of values from 0 (dark) to 1 (bright); others are clipped."""
+    place = np.linspace(0.0, 1.0, len(_PLASMA))
+    red, green, blue = (
+        np.interp(values, place, channel).astype(np.uint32) for channel in _PLASMA.T)
+    return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
+
+
+def nice_limit(largest: float, present: float) -> float:
+    """Return a round limit of an axis above a number; one that fits well enough stays."""
+    steps = [factor * 10.0**power for power in range(-9, 5) for factor in (1.0, 1.5, 2.0, 3.0,
+                                                                           5.0, 7.0)]
+    wanted = next((step for step in steps if step >= 1.05 * largest), steps[-1])
+    if present >= 1.0 * largest and present > 0.0:
+        shrunk = next((step for step in steps if step >= 1.3 * largest), steps[-1])
+        return min(present, shrunk)
+    return wanted
+
+
+def velocity_ticks(limit: float) -> tuple[list[str], list[tuple[float, float]]]:
+    """Return labels at the left of the section and where they stand."""
+    shares = (1.0, 0.5, 0.0, -0.5, -1.0)
+    # A label stands below its point.
+    return ([f'{share * limit:g}'.replace('-', '−') for share in shares],
+            [(-0.4, -share * HALF_HEIGHT - 0.18) for share in shares])
+
+
+def section_axes() -> list[Logged]:
+    """Return the static part of the section: frame, ticks of the phase, the line of rest."""
+    low, high = -HALF_HEIGHT, HALF_HEIGHT
+    frame = [[(0, low), (TWO_PI, low), (TWO_PI, high), (0, high), (0, low)]]
+    inner = [[(k * math.pi / 2, low), (k * math.pi / 2, high)] for k in (1, 2, 3)]
+    inner += [[(0, y), (TWO_PI, y)] for y in (-HALF_HEIGHT / 2, 0.0, HALF_HEIGHT / 2)]
+    ticks = [(k * math.pi / 2, high + 0.08) for k in range(5)]
+    return [
+        ('section/frame', rr.LineStrips2D(
+            frame, radii=rr.Radius.ui_points(0.8), colors=FRAME, draw_order=1.0)),
+        ('section/grid', rr.LineStrips2D(
+            inner, radii=rr.Radius.ui_points(0.4), colors=FAINT, draw_order=0.0)),
+        ('section/phase', rr.Points2D(
+            ticks, labels=['0', 'π/2', 'π', '3π/2', '2π'], show_labels=True, radii=0.0,
+            colors=FRAME)),
+        ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=FRAME, show_labels=True)),
+        ('section/plane/impacts', rr.Points2D.from_fields(
+            radii=rr.Radius.ui_points(1.3), draw_order=30.0)),
+        ('section/plane/newest', rr.Points2D.from_fields(
+            radii=rr.Radius.ui_points(2.2), colors=BRIGHT, draw_order=40.0)),
+    ]
+
+
+def flight_axes() -> list[Logged]:
+    """Return the static part of s(tau): both walls, the beginnings of drive periods."""
+    first, last = -FLIGHT_PERIODS, 1
+    walls = [[(first, wall), (last, wall)] for wall in (0, -1)]
+    lines = [[(x, 0), (x, -1)] for x in range(first, last + 1)]
+    edge = first * PERIOD_WIDTH - 0.35
+    ticks = [(x * PERIOD_WIDTH, 1.02) for x in range(first, last + 1)]
+    return [
+        # Displacement goes up, while y points down.
+        ('flight/plane', rr.Transform3D(scale=[PERIOD_WIDTH, -1.0, 1.0])),
+        ('flight/plane/walls', rr.LineStrips2D(
+            walls, radii=rr.Radius.ui_points(1.2), colors=WALL, draw_order=1.0)),
+        ('flight/plane/periods', rr.LineStrips2D(
+            lines, radii=rr.Radius.ui_points(0.4), colors=FAINT, draw_order=0.0)),
+        ('flight/plane/motion', rr.LineStrips2D.from_fields(
+            radii=rr.Radius.ui_points(1.0), colors=MOTION, draw_order=30.0)),
+        ('flight/tau', rr.Points2D(
+            ticks, labels=[f'{x}'.replace('-', '−') for x in range(first, last + 1)],
+            show_labels=True, radii=0.0, colors=FRAME)),
+        ('flight/walls', rr.Points2D(
+            [(edge, -0.1), (edge, 0.9)], labels=['s = 0', 's = −1'],
+            show_labels=True, radii=0.0, colors=WALL)),
+    ]
+
+
+def blueprint(colour: str) -> rrb.Blueprint:
+    """Return the arrangement of the views."""
+    meaning = 'newest brightest' if colour == 'age' else 'coloured by alpha, 0.4 to 1.8'
+    back = VELOCITY_WINDOW
+    section = rrb.Spatial2DView(
+        origin='/section', name=f'Section: velocity over drive phase, {meaning}',
+        background=rrb.Background(color=GROUND),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-0.8, 6.6], y_range=[-2.35, 2.65]))
+    flight = rrb.Spatial2DView(
+        origin='/flight', name='s over the last drive periods (0 = present one)',
+        background=rrb.Background(color=GROUND),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-6.0, 1.45], y_range=[-0.12, 1.36]))
+    velocity = rrb.TimeSeriesView(
+        origin='/velocity', name='Velocity before the impact', plot_legend=rrb.PlotLegend(
+            visible=False),
+        time_ranges=[
+            rrb.VisibleTimeRange(
+                'impact', start=rrb.TimeRangeBoundary.cursor_relative(seq=-back),
+                end=rrb.TimeRangeBoundary.cursor_relative(seq=0)),
+            rrb.VisibleTimeRange(
+                'drive_time', start=rrb.TimeRangeBoundary.cursor_relative(seconds=-back),
+                end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0))])
+    whole = rrb.TimeAxis(view_range=rr.TimeRange(
+        start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
+    exponents = rrb.TimeSeriesView(
+        origin='/exponents', axis_x=whole, plot_legend=rrb.PlotLegend(visible=False),
+        name='Exponents: λ1 ± error blue, finite-time green, λ2 violet, sum orange, exact grey')
+    alpha = rrb.TimeSeriesView(
+        origin='/alpha', axis_x=whole, name='Alpha', plot_legend=rrb.PlotLegend(visible=False))
+    state = rrb.TextDocumentView(origin='/state', name='State')
+    log = rrb.TextLogView(origin='/log', name='Changes', columns=rrb.TextLogColumns(
+        timeline_columns=['impact'], text_log_columns=['body']))
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(section, rrb.Horizontal(state, log, column_shares=[1, 1.1]),
+                         row_shares=[2.1, 1]),
+            rrb.Vertical(flight, velocity, exponents, alpha, row_shares=[1.25, 1.1, 1.5, 0.7]),
+            column_shares=[1, 1.15]),
+        rrb.TimePanel(state='collapsed', timeline='impact', play_state='following'),
+        rrb.BlueprintPanel(state='hidden'),
+        rrb.SelectionPanel(state='hidden'),
+        auto_views=False,
+        auto_layout=False,
+    )

@@ -1,0 +1,204 @@
+"""What the viewer logs to one rerun recording, in columns."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+
+from ..core.reconstruction import rebuild
+from .viewer_axes import (
+    colours_of,
+    FLIGHT_PERIODS,
+    flight_axes,
+    HALF_HEIGHT,
+    nice_limit,
+    section_axes,
+    velocity_ticks,
+)
+from .viewer_recent import Now, Recent, ROW, RowArray
+
+TWO_PI = 2.0 * math.pi
+# Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.
+DRAWN_MOST: Final = 800
+# Points that stand in the section; of those that leave it one in so many stays, so many in all;
+# and how many, the newest, stand out.
+SECTION_POINTS: Final = 2000
+OLD_STEP: Final = 7
+OLD_POINTS: Final = 1000
+BRIGHT_POINTS: Final = 12
+CHANGES_MOST: Final = 100
+ESTIMATES_MOST: Final = 20
+# Drawn so often [s], and the age of a file from which on it is drawn to less and less often.
+INTERVAL: Final = 0.2
+FULL_DETAIL: Final = 300.0
+# The running exponent says nothing before so many impacts.
+IMPACTS_LEAST: Final = 30
+FLIGHT_STEP: Final = TWO_PI / 48.0
+# Order of the values in a row of exponents.
+EXPONENTS: Final = (
+    ('λ1', 'lambda_1'),
+    ('λ1 + error', ''),
+    ('λ1 − error', ''),
+    ('λ1 finite-time', 'lambda_1_finite'),
+    ('λ2', 'lambda_2'),
+    ('λ1 + λ2', 'sum'),
+    ('exact sum', 'exact_sum'),
+    ('zero', ''),
+)
+EXPONENT_COLOURS: Final = [
+    0x3D8FE0FF, 0x3D8FE080, 0x3D8FE080, 0x35A66BB0, 0x9B6BD6FF, 0xE08A2EFF, 0x808080FF, 0x808080C0,
+]
+EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 2.5, 1.0, 1.0]
+
+
+class Scene:
+    """One recording: a file, whose detail falls off with its age, or a live window."""
+
+    def __init__(self, recording: rr.RecordingStream, colour: str, thins: bool) -> None:
+        self.rows = 0
+        self.drawn = 0
+        self._recording = recording
+        self._by_alpha = colour == 'alpha'
+        self._thins = thins
+        self._begun: float | None = None
+        self._next = -math.inf
+        self._seen = 0
+        self._ring = np.empty(0, ROW)
+        self._old = np.empty(0, ROW)
+        self._limit = 0.0
+        self._estimates: deque[Mapping[str, float]] = deque(maxlen=ESTIMATES_MOST)
+        self._document = ''
+        for path, archetype in (*section_axes(), *flight_axes()):
+            recording.log(path, archetype, static=True)
+        recording.log('velocity', rr.SeriesPoints(
+            colors=0x3D8FE0FF, names='velocity', markers='circle', marker_sizes=1.6), static=True)
+        recording.log('exponents', rr.SeriesLines(
+            colors=EXPONENT_COLOURS, names=[name for name, _ in EXPONENTS],
+            widths=EXPONENT_WIDTHS), static=True)
+        recording.log('alpha', rr.SeriesLines(
+            colors=0xE08A2EFF, names='alpha', widths=2.0, interpolation_mode='StepAfter'),
+            static=True)
+
+    def is_due(self, time: float) -> bool:
+        """Tell whether to draw now [s of wall time]."""
+        if self._begun is None:
+            self._begun = time
+        return time >= self._next
+
+    def estimate(self, values: Mapping[str, float]) -> None:
+        """Take an estimate of the exponents; only the newest few of each interval are drawn."""
+        self._estimates.append(values)
+
+    def draw(self, recent: Recent, document: str, time: float) -> None:
+        """Log what is new at a moment of wall time [s]."""
+        age = time - (time if self._begun is None else self._begun)
+        self._next = time + INTERVAL * (max(1.0, age / FULL_DETAIL) if self._thins else 1.0)
+        if recent.now is None:
+            return
+        if recent.seen != self._seen:
+            impacts = recent.impacts_after(self._seen)[-DRAWN_MOST:]
+            if len(impacts):
+                self._draw_impacts(impacts, recent.now)
+            self._draw_flight(recent)
+            self._draw_alpha(recent.changes_after(self._seen)[-CHANGES_MOST:], recent.now)
+            self._seen = recent.seen
+        self._draw_exponents(recent)
+        if document != self._document:
+            self._document = document
+            self._send('state', recent.now, rr.TextDocument.columns(
+                text=[document], media_type=['text/markdown']))
+
+    def say(self, text: str, level: str, now: Now | None) -> None:
+        """Log a line of text."""
+        self._send('log', now, rr.TextLog.columns(text=[text], level=[level]))
+
+    def close(self) -> None:
+        """Write out everything."""
+        try:
+            self._recording.flush(timeout_sec=2.0)
+        finally:
+            self._recording.disconnect()
+
+    def _draw_impacts(self, impacts: RowArray, now: Now) -> None:
+        self.drawn += len(impacts)
+        self._columns('velocity', impacts['impact'], impacts['drive_time'],
+                      rr.Scalars.columns(scalars=impacts['velocity']))
+        ring = np.concatenate([self._ring, impacts])
+        self._old = np.concatenate(
+            [self._old, ring[:-SECTION_POINTS:OLD_STEP]])[-OLD_POINTS:]
+        self._ring = ring[-SECTION_POINTS:]
+        ring = np.concatenate([self._old, self._ring])
+        limit = nice_limit(float(np.abs(ring['velocity']).max()), self._limit)
+        if limit != self._limit:
+            self._limit = limit
+            self._send('section/plane', now, rr.Transform3D.columns(
+                scale=[[1.0, -HALF_HEIGHT / limit, 1.0]]))
+            labels, places = velocity_ticks(limit)
+            self._send('section/velocity', now, [
+                *rr.Points2D.columns(positions=places).partition([len(places)]),
+                *rr.Points2D.columns(labels=labels).partition([len(labels)])])
+        if self._by_alpha:
+            colours = colours_of((ring['alpha'] - 0.4) / 1.4)
+        else:
+            colours = colours_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
+        self._send('section/plane/impacts', now, [
+            *self._points(ring),
+            *rr.Points2D.columns(colors=colours).partition([len(ring)])])
+        self._send('section/plane/newest', now, self._points(ring[-BRIGHT_POINTS:]))
+
+    def _points(self, rows: RowArray) -> list[rr.ComponentColumn]:
+        places = np.stack([rows['phase'], rows['velocity']], axis=1).astype(np.float32)
+        return [*rr.Points2D.columns(positions=places).partition([len(places)])]
+
+    def _draw_flight(self, recent: Recent) -> None:
+        motion = rebuild(recent.whole(), FLIGHT_STEP, FLIGHT_PERIODS)
+        if not len(motion.tau) or recent.now is None:
+            return
+        x = motion.tau / TWO_PI
+        line = np.stack([x, motion.displacement], axis=1).astype(np.float32)
+        self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
+
+    def _draw_alpha(self, changes: RowArray, now: Now) -> None:
+        self._columns(
+            'alpha', np.append(changes['impact'], now.impact),
+            np.append(changes['drive_time'], now.drive_time),
+            rr.Scalars.columns(scalars=np.append(changes['alpha'], now.event['alpha'])))
+
+    def _draw_exponents(self, recent: Recent) -> None:
+        taken = [values for values in self._estimates
+                 if values.get('impacts', 0.0) >= IMPACTS_LEAST]
+        self._estimates.clear()
+        if not taken or recent.now is None:
+            return
+        # An estimate may be ahead of what has come in here; the axis must not be.
+        impacts = np.array([min(recent.impact_number(int(values['index'])), recent.now.impact)
+                            for values in taken])
+        table = np.array([exponent_row(values) for values in taken])
+        self._columns(
+            'exponents', impacts, np.full(len(taken), recent.now.drive_time),
+            rr.Scalars.columns(scalars=table.ravel()).partition([table.shape[1]] * len(taken)))
+
+    def _send(self, path: str, now: Now | None,
+              columns: Sequence[rr.ComponentColumn] | rr.ComponentColumnList) -> None:
+        impact, drive_time = (0, 0.0) if now is None else (now.impact, now.drive_time)
+        self._columns(path, np.array([impact]), np.array([drive_time]), columns)
+
+    def _columns(self, path: str, impact: npt.NDArray[np.int64],
+                 drive_time: npt.NDArray[np.float64],
+                 columns: Sequence[rr.ComponentColumn] | rr.ComponentColumnList) -> None:
+        self.rows += len(impact)
+        self._recording.send_columns(path, [
+            rr.TimeColumn('impact', sequence=impact),
+            rr.TimeColumn('drive_time', duration=drive_time)], columns)
+
+
+def exponent_row(values: Mapping[str, float]) -> list[float]:
+    """Return one row of EXPONENTS; what is not known, or infinite, leaves a gap in its line."""
+    error = values.get('lambda_1_error', math.nan)
+    band = {1: values['lambda_1'] + error, 2: values['lambda_1'] - error, 7: 0.0}
+    row = [band.get(i, values.get(name, math.nan)) for i, (_, name) in enumerate(EXPONENTS)]
+    return [value if math.isfinite(value) else math.nan for value in row]

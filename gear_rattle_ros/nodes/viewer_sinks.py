@@ -1,0 +1,133 @@
+"""Where the viewer's recordings go: a file, a window, a web page on this machine alone."""
+
+import importlib.util
+import os
+from pathlib import Path
+import shutil
+import socket
+import subprocess
+import time
+from typing import Final
+from urllib.parse import quote
+
+import rerun as rr
+
+from .shell import StartError
+from .viewer_axes import blueprint
+
+APPLICATION: Final = 'gear_rattle_ros'
+LOOPBACK: Final = '127.0.0.1'
+# What a window or the web server may hold before it drops its oldest data.
+MEMORY_LIMIT: Final = '1GB'
+# How long a child may take to start listening, and to end [s].
+START_LIMIT: Final = 10.0
+END_LIMIT: Final = 2.0
+MODES: Final = ('auto', 'native', 'web', 'none')
+
+
+def chosen_mode(mode: str, save: str) -> str:
+    """Return native, web or none; auto is native on a display, else web unless there is a file."""
+    if mode not in MODES:
+        raise StartError(f'mode = {mode!r} is not one of {", ".join(MODES)}')
+    if mode == 'auto':
+        if os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'):
+            return 'native'
+        return 'none' if save else 'web'
+    if mode == 'none' and not save:
+        raise StartError("mode = 'none' without a file draws nothing: give save:=FILE.rrd")
+    return mode
+
+
+def file_recording(save: str, colour: str) -> rr.RecordingStream:
+    """Return a recording that goes to a new file."""
+    path = Path(save)
+    if path.suffix != '.rrd':
+        raise StartError(f'save = {save!r} must end in .rrd')
+    if path.exists():
+        raise StartError(f'save = {save!r} exists: name another file, or remove it')
+    try:
+        path.touch()
+    except OSError as error:
+        raise StartError(f'save = {save!r} cannot be written: {error.strerror}') from error
+    return _recording(rr.FileSink(path), colour)
+
+
+class Window:
+    """A rerun viewer that runs as a child, and the recording that goes to it."""
+
+    def __init__(self, mode: str, web_port: int, colour: str) -> None:
+        self._stays = mode == 'native'
+        port = _free_port()
+        url = f'rerun+http://{LOOPBACK}:{port}/proxy'
+        command = [_executable(), '--bind', LOOPBACK, '--port', str(port)]
+        if mode == 'native':
+            command += ['--memory-limit', MEMORY_LIMIT, '--hide-welcome-screen',
+                        '--expect-data-soon']
+            self.place = 'a window'
+        else:
+            if _listens(web_port):
+                raise StartError(f'web_port = {web_port} is in use: choose another')
+            command += ['--serve-web', '--web-viewer-port', str(web_port),
+                        '--server-memory-limit', MEMORY_LIMIT]
+            self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
+            if setpriv := shutil.which('setpriv'):
+                # The server ends with this node even if that is killed.
+                command = [setpriv, '--pdeathsig', 'TERM', *command]
+        self._child = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, start_new_session=True)
+        self._wait_for([port] if mode == 'native' else [port, web_port])
+        self.recording = _recording(rr.GrpcSink(url), colour)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the viewer still runs."""
+        return self._child.poll() is None
+
+    def close(self) -> None:
+        """End the web server; a window stays until its user closes it."""
+        if self._stays:
+            return
+        self._child.terminate()
+        try:
+            self._child.wait(END_LIMIT)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def _wait_for(self, ports: list[int]) -> None:
+        limit = time.monotonic() + START_LIMIT
+        while not all(_listens(port) for port in ports):
+            if not self.is_open or time.monotonic() > limit:
+                self._child.kill()
+                status = self._child.wait()
+                raise StartError(
+                    f'the rerun viewer does not start (status {status}); try mode:=web, or '
+                    'mode:=none save:=FILE.rrd')
+            time.sleep(0.05)
+
+
+def _recording(sink: rr.FileSink | rr.GrpcSink, colour: str) -> rr.RecordingStream:
+    recording = rr.RecordingStream(APPLICATION)
+    recording.set_sinks(sink, default_blueprint=blueprint(colour))
+    return recording
+
+
+def _executable() -> str:
+    # The wheel's own program: what PATH has may be of another version.
+    found = importlib.util.find_spec('rerun_cli')
+    if found is None or found.origin is None:
+        raise StartError('rerun-sdk has no viewer here; try mode:=none save:=FILE.rrd')
+    return str(Path(found.origin).parent / 'rerun')
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(0.2)
+        return probe.connect_ex((LOOPBACK, port)) == 0
