@@ -103,8 +103,8 @@ SIMULATOR: Final = (
                   1.0, read_only=True),
     Specification('publish_clock', False, 'publish the simulated time on /clock', '',
                   read_only=True),
-    Specification('start_paused', False, 'wait for ~/pause to be called with false', '',
-                  read_only=True),
+    Specification('wait_for_readers', 0, 'begin when impacts has so many subscriptions',
+                  'subscriptions', 0, 1000, read_only=True),
 )
 LYAPUNOV: Final = (
     Specification('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0,
@@ -134,9 +134,10 @@ REPLAY: Final = (
 )
 VIEWER: Final = (
     Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '
-                  'is a display, else none', '', read_only=True),
+                  'is a display, else web, or none beside a file', '', read_only=True),
     Specification('save', '', 'file to write as well (.rrd); empty = none', '', read_only=True),
     Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535, read_only=True),
+    Specification('colour', 'age', 'what colours the section: age or alpha', '', read_only=True),
 )
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'simulator': SIMULATOR,
@@ -155,7 +156,8 @@ def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
     An integer is taken for a double, and a name that is in no table is refused.
     """
     names = [specification.name for specification in table]
-    given = node.get_parameters_by_prefix('')
+    given = {
+        name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
     for name in given:
         if name not in names and not name.startswith(_OF_ROS):
             close = difflib.get_close_matches(name, names, 1)
@@ -165,7 +167,7 @@ def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
     for specification in table:
         value: object = specification.default
         if specification.name in given:
-            value = given[specification.name].value
+            value = given[specification.name]
             node.undeclare_parameter(specification.name)
         values[specification.name] = specification.check(value)
         node.declare_parameter(

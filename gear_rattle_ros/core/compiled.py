@@ -59,10 +59,11 @@ def kernel(function: Function) -> Function:
 
     """
     # The folder is looked up when the function is decorated; other packages keep their own.
-    others = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_directory())
+    config: Any = numba.config
+    others = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_directory())
     try:
         compiled = numba.njit(cache=True, nogil=True, error_model='numpy')(function)
     finally:
-        numba.config.CACHE_DIR = others
+        config.CACHE_DIR = others
     return cast(Function, compiled)

@@ -286,6 +286,8 @@ def search_impact(d: float, d_stop: float, phase: float, s0: float, v0: float, a
                 step = back
                 distance = behind
                 towards = -towards
+        # Without any force a step could be endless.
+        step = min(step, HORIZON_MAXIMUM)
         # The last step is taken by Taylor series once its error is below rounding.
         jerk = -alpha * cos_now - beta * relax
         snap = alpha * sin_now + beta * beta * relax

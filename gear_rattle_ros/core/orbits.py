@@ -21,6 +21,8 @@ HOLD: Final = 200
 # A candidate that is still approaching is looked at again after so many impacts.
 PATIENCE: Final = 64
 HISTORY: Final = 4096
+# So much of the tolerance may be left of the approach.
+APPROACHED: Final = 0.25
 # Recurrences smaller than this are rounding [1].
 ROUNDING_FLOOR: Final = 1e-11
 
@@ -282,7 +284,8 @@ class TransientDetector:
     An orbit of q impacts is recognised when every one of `HOLD` impacts, after two periods, lies
     within the tolerance of the one q before, at the same wall, in phase, velocity and flight
     time; when the flight times add up to whole drive periods, at least one (chatter's do not);
-    and when what is left of the approach, judged by its rate, is within half the tolerance.
+    and when what is left of the approach, judged by its rate, is within a quarter of
+    the tolerance.
 
     Parameters
     ----------
@@ -383,14 +386,18 @@ class TransientDetector:
         # Oldest first; the very first impact of a transient has no flight time.
         kept = min(n - 1, HISTORY)
         past = self._history[np.arange(n - kept, n) % HISTORY]
-        drive_periods = float(np.sum(past['flight_time'][-period:])) / TWO_PI
-        turns = round(drive_periods)
-        if turns < 1 or abs(drive_periods - turns) * TWO_PI > period * self._tolerance:
+        # A slow approach from alternating sides recurs at a multiple of the period first.
+        found = next(
+            (p for p in range(1, period + 1)
+             if period % p == 0 and self._is_period(past, p, period)), None)
+        if found is None:
             return None
+        period = found
+        turns = round(float(np.sum(past['flight_time'][-period:])) / TWO_PI)
         run = min(int(watch['recurrences'][period]), kept - period)
         recurrences = _distances(past[-run:], past[-run - period:-period])
         multiplier, remaining = _approach(recurrences, period)
-        if remaining > 0.5 * self._tolerance:
+        if remaining > APPROACHED * self._tolerance:
             return None
         orbit = past[-period:]
         aligned = orbit[np.arange(-kept, 0) % period]
@@ -411,6 +418,13 @@ class TransientDetector:
             multiplier=multiplier,
             points=tuple(points[least:] + points[:least]),
         )
+
+    def _is_period(self, past: npt.NDArray[np.void], period: int, over: int) -> bool:
+        apart = _distances(past[-over:], past[-over - period:-period])
+        drive_periods = float(np.sum(past['flight_time'][-period:])) / TWO_PI
+        turns = round(drive_periods)
+        return (float(np.max(apart)) <= self._tolerance and turns >= 1
+                and abs(drive_periods - turns) * TWO_PI <= period * self._tolerance)
 
 
 def _distances(a: npt.NDArray[np.void], b: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:

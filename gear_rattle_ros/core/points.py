@@ -163,4 +163,4 @@ def check_events(events: EventArray) -> None:
         good = (column >= low) & (column <= high) & np.isfinite(column)
         if not good.all():
             bad = int(np.argmin(good))
-            raise ValueError(f'event {bad} of the batch has {name} = {column[bad]!r}')
+            raise ValueError(f'event {bad} of the batch has {name} = {column[bad].item()!r}')

@@ -16,7 +16,6 @@ from .flight import (
     later,
     LEG,
     LEG_PERIODS,
-    LOWER,
     NO_WALL,
     rebound,
     release_delay,

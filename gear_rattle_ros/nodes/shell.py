@@ -13,6 +13,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import PointCloud2
 
 from ..core.model import EventArray
@@ -183,5 +184,5 @@ def run_node(name: str, make: Callable[[], ShellNode], arguments: list[str] | No
         if node is not None:
             node.close()
             node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
     return 0

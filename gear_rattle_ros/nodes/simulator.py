@@ -50,7 +50,8 @@ class Simulator(ShellNode):
         self._scale = self.number('backlash_angle')
         self._rate = self.number('rate')
         self._ramp = (self.number('alpha_target'), self.number('alpha_rate'))
-        self._paused = bool(values['start_paused'])
+        self._paused = False
+        self._awaited = int(values['wait_for_readers'])
         began = time.monotonic()
         self._simulation = Simulation(
             _model(values), _initial(values), noise=self.number('noise'),
@@ -75,8 +76,7 @@ class Simulator(ShellNode):
             self.create_timer(1.0 / self.number('display_rate'), self._publish_joints)
         self._timer = self.create_timer(self._period(), self._tick)
         self.get_logger().info(
-            f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}'
-            + (', paused' if self._paused else ''))
+            f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return rates, backlog and parameters."""
@@ -85,7 +85,9 @@ class Simulator(ShellNode):
         self._counted = (now, impacts)
         waiting = self._acknowledged.waiting_since
         level, message = 'ok', 'running'
-        if self._paused:
+        if self._awaited:
+            message = f'waiting for {self._awaited} readers'
+        elif self._paused:
             message = 'paused'
         elif self._rate == 0.0 and waiting is not None and now - waiting > 1.0:
             level, message = 'warn', f'waiting {now - waiting:.0f} s for a reader'
@@ -115,7 +117,12 @@ class Simulator(ShellNode):
 
     def _tick(self) -> None:
         periods = self._by_clock.due(self._rate)
-        if self._paused:
+        if self._awaited and self._impacts.get_subscription_count() >= self._awaited:
+            self.get_logger().info(f'{self._awaited} readers are here')
+            self._awaited = 0
+        if self._awaited:
+            time.sleep(IDLE)
+        elif self._paused:
             self._flush()
             time.sleep(IDLE if self._rate == 0.0 else 0.0)
         elif self._rate > 0.0:

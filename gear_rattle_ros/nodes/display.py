@@ -1,0 +1,80 @@
+"""What the suite shows in the terminal, a few times a second."""
+
+import dataclasses
+import math
+
+from rich import box
+from rich.console import Group
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+
+@dataclasses.dataclass
+class Status:
+    """What is known of the run."""
+
+    phase: str = 'starting'
+    seconds: float = 0.0
+    duration: float = 0.0
+    impacts: int = 0
+    impacts_per_second: float = 0.0
+    alpha: float = math.nan
+    exponents: dict[str, float] = dataclasses.field(default_factory=dict)
+    trajectory: str = ''
+    lost: dict[str, int] = dataclasses.field(default_factory=dict)
+    gaps: dict[str, int] = dataclasses.field(default_factory=dict)
+    bag_bytes: int = 0
+
+    def exponent(self, name: str, error: str = '') -> str:
+        """Return an exponent in words, with its standard error."""
+        value = self.exponents.get(name, math.nan)
+        if math.isnan(value):
+            return '-'
+        text = f'{value:+.6f}'
+        uncertainty = self.exponents.get(error, math.nan)
+        return text if math.isnan(uncertainty) else f'{text} ± {uncertainty:.6f}'
+
+    def time(self) -> str:
+        """Return the time since the first impact, and of how much."""
+        whole = f' of {self.duration:.0f} s' if self.duration > 0.0 else ' s, until stopped'
+        return f'{self.seconds:.0f}{whole}'
+
+    def line(self) -> str:
+        """Return everything on one line, where there is no terminal."""
+        return (
+            f'{self.time()}: {self.impacts} impacts, {self.impacts_per_second:.0f}/s, alpha '
+            f'{self.alpha:g}, lambda_1 {self.exponent("lambda_1", "lambda_1_error")}, lambda_2 '
+            f'{self.exponent("lambda_2", "lambda_2_error")}, sum {self.exponent("sum")} (exact '
+            f'{self.exponent("exact_sum")}), {self.trajectory or "-"}, '
+            f'{sum(self.gaps.values())} gaps, bag {self.bag_bytes / 1e6:.1f} MB')
+
+
+def render(status: Status) -> Panel:
+    """Return the live table."""
+    table = Table(box=box.SIMPLE, show_header=False, padding=(0, 1))
+    table.add_column(style='cyan', no_wrap=True)
+    table.add_column()
+    gaps, lost = sum(status.gaps.values()), sum(status.lost.values())
+    where = ', '.join(f'{name} {count}' for name, count in status.lost.items() if count)
+    whole = '[green]none[/]' if not gaps else f'[red]{gaps}, {lost} impacts lost: {where}[/]'
+    exponents = status.exponents
+    finite = status.exponent('lambda_1_finite')
+    for name, value in (
+        ('time', status.time()),
+        ('impacts', f'{status.impacts:,}'),
+        ('impacts per second', f'{status.impacts_per_second:,.0f}'),
+        ('alpha [1]', f'{status.alpha:g}'),
+        ('lambda_1 per impact', status.exponent('lambda_1', 'lambda_1_error')),
+        (f'  last {exponents.get("window", 0):.0f} impacts', finite),
+        ('lambda_2 per impact', status.exponent('lambda_2', 'lambda_2_error')),
+        ('sum', status.exponent('sum')),
+        ('  exact sum', status.exponent('exact_sum')),
+        ('averaged over', f'{exponents.get("impacts", 0):,.0f} impacts'),
+        ('trajectory', status.trajectory or '-'),
+        ('gaps', whole),
+        ('bag', f'{status.bag_bytes / 1e6:.1f} MB'),
+    ):
+        table.add_row(name, value)
+    hint = Text('Ctrl-C ends the run and keeps everything', style='dim')
+    return Panel(Group(table, hint), title=f'gear rattling: {status.phase}', width=78)

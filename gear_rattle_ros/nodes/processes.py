@@ -1,0 +1,68 @@
+"""Child processes of the suite: the nodes, each with a log file, none left behind."""
+
+import ctypes
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+PR_SET_PDEATHSIG = 1
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel for a SIGTERM should the suite itself be killed."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+class Processes:
+    """Nodes running as processes of this environment's own python."""
+
+    def __init__(self, logs: Path) -> None:
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, arguments: list[str]) -> None:
+        """Start a node; a session of its own keeps the terminal's Ctrl-C from it."""
+        code = f'import sys; from gear_rattle_ros.nodes.{name} import main; sys.exit(main())'
+        with open(self.log(name), 'wb') as log:
+            self._running[name] = subprocess.Popen(
+                [sys.executable, '-c', code, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, 'PYTHONUNBUFFERED': '1'},
+                start_new_session=True,
+                preexec_fn=_die_with_parent,
+            )
+
+    def log(self, name: str) -> Path:
+        """Return the path of a node's log file."""
+        return self._logs / f'{name}.log'
+
+    def ended(self) -> tuple[str, int] | None:
+        """Return the name and exit status of a node that has ended, if any."""
+        for name, process in self._running.items():
+            if process.poll() is not None:
+                return name, process.returncode
+        return None
+
+    def last_words(self, name: str) -> str:
+        """Return the last line a node has written."""
+        lines = self.log(name).read_text(errors='replace').split('\n')
+        return next((line for line in reversed(lines) if line.strip()), '')
+
+    def stop(self, names: list[str], within: float) -> None:
+        """Interrupt some nodes together and wait for them; kill what is left after so long [s]."""
+        deadline = time.monotonic() + within
+        stopping = [self._running.pop(name) for name in names if name in self._running]
+        for process in stopping:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in stopping:
+            try:
+                process.wait(max(deadline - time.monotonic(), 0.0))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

@@ -1,0 +1,306 @@
+"""The whole suite in one command: starts the nodes, shows how they do, and ends them."""
+
+import argparse
+import contextlib
+import datetime
+import os
+from pathlib import Path
+import shlex
+import sys
+import threading
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import SetParameters
+import rclpy
+from rclpy.client import Client
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_parameter_events
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+from rich.console import Console
+from rich.live import Live
+from sensor_msgs.msg import JointState
+
+from ..qos import LATCHED, STREAM
+from .display import render, Status
+from .processes import Processes
+from .shell import Stop
+
+READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
+# The paper's two stories: a chaotic attractor, and a chaotic transient after the crisis.
+STORY = (0.57, 1.244)
+# Compiling for the first time takes this long on a slow machine [s].
+START_WITHIN = 180.0
+REFRESH = 0.25
+PLAIN_EVERY = 5.0
+
+
+class Monitor(Node):
+    """Listens to what the nodes say and keeps the status up to date."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__('suite')
+        self.status = status
+        self._seen = (time.monotonic(), 0)
+        self.create_subscription(JointState, 'lyapunov', self._take_exponents, STREAM)
+        self.create_subscription(DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._take_diagnostics, 10)
+        self.create_subscription(
+            ParameterEvent, '/parameter_events', self._take_parameters,
+            qos_profile_parameter_events)
+        self.set_parameter = self.create_client(SetParameters, 'simulator/set_parameters')
+
+    def _take_exponents(self, message: JointState) -> None:
+        values = dict(zip(message.name, message.position, strict=True))
+        self.status.exponents = values
+        now, index = time.monotonic(), int(values['index'])
+        since, before = self._seen
+        if now - since >= 1.0:
+            self.status.impacts_per_second = max(index - before, 0) / (now - since)
+            self._seen = (now, index)
+        self.status.impacts = index
+
+    def _take_transient(self, message: DiagnosticArray) -> None:
+        self.status.trajectory = message.status[0].message
+
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name = status.name.split(':')[0]
+            values = {item.key: item.value for item in status.values}
+            if 'gaps' in values:
+                self.status.gaps[name] = int(values['gaps'])
+                self.status.lost[name] = int(values.get('lost_impacts', 0))
+            if name == 'simulator':
+                self.status.alpha = float(values['alpha'])
+
+    def _take_parameters(self, event: ParameterEvent) -> None:
+        if event.node.split('/')[-1] == 'simulator':
+            for parameter in [*event.new_parameters, *event.changed_parameters]:
+                if parameter.name == 'alpha':
+                    self.status.alpha = parameter.value.double_value
+
+
+class SuiteError(Exception):
+    """The suite cannot go on, for a reason that its user can mend."""
+
+
+class Suite:
+    """One run: its folder, its processes and its status."""
+
+    def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
+        self._options = options
+        self._folder = _make_folder(options.output)
+        (self._folder / 'log').mkdir()
+        self._processes = Processes(self._folder / 'log')
+        self._ros_arguments = ros_arguments
+        self._status = Status(duration=options.duration)
+        self._stop = Stop()
+
+    def run(self) -> None:
+        """Run from the first process to the last; everything is ended in any case."""
+        self._stop.spinning = True
+        # The picture at the end must not wait for its library.
+        threading.Thread(target=_import_pictures, daemon=True).start()
+        rclpy.init(args=self._ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        monitor = Monitor(self._status)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(monitor)
+        try:
+            self._start_nodes()
+            self._watch(monitor)
+        finally:
+            self._end_nodes()
+            self._executor.shutdown()
+            monitor.destroy_node()
+            try_shutdown()
+
+    def finish(self) -> None:
+        """Draw the summary and say what opens everything."""
+        from ..offline.summary import main as summarise
+        bag, picture = self._folder / 'bag', self._folder / 'summary.png'
+        if bag.exists():
+            with contextlib.redirect_stdout(sys.stderr):
+                summarise([str(bag), '--output', str(picture)])
+        words = self._processes.last_words('recorder')
+        print(words.split(']: ')[-1])
+        print(f'{self._status.line()}')
+        for what, path, command in (
+            ('bag', bag, f'{_command("rerun")} {_quoted(bag / "bag_0.mcap")}'),
+            ('replay', bag, f'{_command("replay")} {_quoted(bag)}'),
+            ('viewer', self._folder / 'run.rrd',
+             f'{_command("rerun")} {_quoted(self._folder / "run.rrd")}'),
+            ('summary', picture, f'xdg-open {_quoted(picture)}'),
+        ):
+            if path.exists():
+                print(f'{what:8} {command}')
+
+    def _start_nodes(self) -> None:
+        options, folder = self._options, self._folder
+        own: dict[str, dict[str, object]] = {
+            'simulator': {
+                'alpha': options.alpha, 'beta': options.beta, 'gamma': options.gamma,
+                'restitution': options.restitution, 'noise': options.noise,
+                'rate': options.rate, 'seed': options.seed,
+                'initial_phase': options.phase,
+                'initial_displacement': options.displacement,
+                'initial_velocity': options.velocity,
+                'wait_for_readers': len(READERS),
+            },
+            'recorder': {'output': str(folder / 'bag')},
+            'viewer': {'mode': options.viewer, 'save': str(folder / 'run.rrd')},
+            'lyapunov': {},
+            'transients': {},
+        }
+        for name in ('simulator', *READERS):
+            parameters = [
+                word for key, value in own[name].items()
+                for word in ('-p', f'{key}:={_yaml(value)}')]
+            arguments = self._ros_arguments or ['--ros-args']
+            self._processes.start(name, [*arguments, *parameters])
+
+    def _end_nodes(self) -> None:
+        self._processes.stop(['simulator'], within=1.0)
+        # What is under way arrives; the analysis nodes say their last word to the recorder.
+        self._processes.stop(['lyapunov', 'transients'], within=1.0)
+        self._processes.stop(['recorder', 'viewer'], within=2.0)
+
+    def _watch(self, monitor: Monitor) -> None:
+        options, status = self._options, self._status
+        console = Console(stderr=False)
+        live = Live(
+            render(status), console=console, auto_refresh=False, transient=False,
+        ) if console.is_terminal else None
+        with live or contextlib.nullcontext():
+            began = time.monotonic()
+            first = shown = 0.0
+            retuned = options.then is None
+            while not self._stop.asked:
+                self._executor.spin_once(timeout_sec=0.05)
+                now = time.monotonic()
+                self._check_nodes()
+                if not first:
+                    status.phase = f'starting, {now - began:.0f} s'
+                    if status.impacts:
+                        first = now
+                        status.phase = 'running'
+                        if live is None:
+                            print(f'running after {first - began:.1f} s', flush=True)
+                    elif now - began > START_WITHIN:
+                        raise SuiteError(f'no impact in {START_WITHIN:.0f} s; '
+                                         f'see {self._folder / "log"}')
+                else:
+                    status.seconds = now - first
+                    if not retuned and status.seconds >= options.duration / 2.0:
+                        retuned = True
+                        self._call(monitor.set_parameter, SetParameters.Request(parameters=[
+                            Parameter('alpha', value=options.then).to_parameter_msg()]))
+                    if options.duration > 0.0 and status.seconds >= options.duration:
+                        break
+                status.bag_bytes = sum(
+                    path.stat().st_size for path in (self._folder / 'bag').glob('*.mcap'))
+                if live is not None and now - shown > REFRESH:
+                    shown = now
+                    live.update(render(status), refresh=True)
+                elif live is None and first and now - shown > PLAIN_EVERY:
+                    shown = now
+                    print(status.line(), flush=True)
+
+    def _check_nodes(self) -> None:
+        ended = self._processes.ended()
+        if ended is not None:
+            name, status = ended
+            raise SuiteError(
+                f'{name} has ended with status {status}: {self._processes.last_words(name)}')
+
+    def _call(self, client: Client, request: object) -> None:
+        future = client.call_async(request)
+        self._executor.spin_until_future_complete(future, timeout_sec=5.0)
+        if not future.done():
+            raise SuiteError(f'{client.srv_name} does not answer')
+
+
+def _import_pictures() -> None:
+    from ..offline import summary  # noqa: F401
+
+
+def _command(name: str) -> str:
+    """Return how an executable of this environment is called from here."""
+    path = Path(sys.executable).parent / name
+    return _quoted(path) if path.exists() else name
+
+
+def _quoted(path: Path) -> str:
+    with contextlib.suppress(ValueError):
+        path = path.relative_to(Path.cwd())
+    return shlex.quote(str(path))
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace('\\', '\\\\').replace('"', '\\"') + '"'
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _make_folder(output: str | None) -> Path:
+    now = datetime.datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
+    folder = Path(output) if output else Path('runs') / now
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise SuiteError(f'{folder} is not empty; name a new folder with --output')
+    except OSError as error:
+        raise SuiteError(f'{folder} cannot be made: {error.strerror}') from error
+    return folder.resolve()
+
+
+def _parse(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog='suite', description=__doc__)
+    add = parser.add_argument
+    add('--alpha', type=float, help='amplitude of the drive [1]; without it the run tells the '
+        f'two stories of the paper, {STORY[0]} and, from half-way, {STORY[1]}')
+    add('--then', type=float, metavar='ALPHA', help='alpha from half-way on [1]')
+    add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
+    add('--rate', type=float, default=1000.0, help='drive periods per second; 0 = as fast as all '
+        'nodes keep up (%(default)s)')
+    add('--beta', type=float, default=0.1, help='damping [1] (%(default)s)')
+    add('--gamma', type=float, default=0.1, help='constant load [1] (%(default)s)')
+    add('--restitution', type=float, default=0.9, help='[1] (%(default)s)')
+    add('--noise', type=float, default=0.0, help='kick at impacts [1] (%(default)s)')
+    add('--seed', type=int, default=0, help='of the noise (%(default)s)')
+    add('--phase', type=float, default=0.0, help='initial drive phase [rad] (%(default)s)')
+    add('--displacement', type=float, default=0.0, help='initial [1] (%(default)s)')
+    add('--velocity', type=float, default=-1.0, help='initial [1] (%(default)s)')
+    add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
+        help='how to watch live; run.rrd is written in any case (%(default)s)')
+    add('--output', help='folder for everything (runs/<date and time>)')
+    options = parser.parse_args(arguments)
+    if not options.duration >= 0.0:
+        parser.error(f'--duration {options.duration:g} is negative; 0 = until stopped')
+    if options.alpha is None:
+        options.alpha = STORY[0]
+        if options.then is None and options.duration > 0.0:
+            options.then = STORY[1]
+    if options.then is not None and options.duration == 0.0:
+        parser.error('--then needs a --duration: it applies from half-way on')
+    return options
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the suite; the exit status is 0, or 2 where it cannot start or go on."""
+    words = sys.argv[1:] if arguments is None else arguments
+    cut = words.index('--ros-args') if '--ros-args' in words else len(words)
+    options = _parse(words[:cut])
+    # What is started here stays on this machine unless its user says otherwise.
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    try:
+        suite = Suite(options, words[cut:])
+        suite.run()
+        suite.finish()
+    except SuiteError as error:
+        print(f'suite: {error}', file=sys.stderr)
+        return 2
+    return 0
