@@ -1,0 +1,167 @@
+"""One .mcap file of a bag: what is in it, and its messages in order."""
+
+from collections.abc import Collection, Iterator
+import contextlib
+import dataclasses
+import heapq
+import os
+from pathlib import Path
+import struct
+from typing import Any, Final, IO
+import zlib
+
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Chunk, McapRecord, Schema
+import mcap.records
+from mcap.stream_reader import breakup_chunk, StreamReader
+from mcap.writer import MCAP0_MAGIC
+import yaml
+import zstandard
+
+from .topics import BagError, Topic
+
+# In a file without an index, messages are put in order if they are off by no more than this [ns].
+_WINDOW: Final = 2_000_000_000
+_BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struct.error,
+                  KeyError, UnicodeDecodeError, ValueError, OverflowError, MemoryError)
+
+
+@dataclasses.dataclass(frozen=True)
+class Message:
+    """A message as it was recorded; times are nanoseconds, `data` is its serialized form."""
+
+    topic: str
+    type_name: str
+    data: bytes
+    log_time: int
+    publish_time: int
+    sequence: int
+
+
+@dataclasses.dataclass
+class Contents:
+    """What is in a file."""
+
+    topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
+    counts: dict[str, int] = dataclasses.field(default_factory=dict)
+    start: int = 2**63 - 1
+    end: int = 0
+    is_indexed: bool = False
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[IO[bytes]]:
+    try:
+        with path.open('rb') as stream:
+            yield stream
+    except BagError:
+        raise
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read: {error.strerror}') from None
+    except _BROKEN as error:
+        what = str(error) or type(error).__name__
+        raise BagError(f'{path}: is damaged or no MCAP file: {what}') from None
+
+
+def read_summary(stream: IO[bytes]) -> Contents | None:
+    """Return the contents from the index, or None where there is none."""
+    reader = SeekingReader(stream)
+    stream.seek(-min(len(MCAP0_MAGIC), stream.seek(0, os.SEEK_END)), os.SEEK_END)
+    if stream.read() != MCAP0_MAGIC:
+        return None
+    summary = reader.get_summary()
+    if summary is None or summary.statistics is None or not (
+            summary.chunk_indexes or not summary.statistics.message_count):
+        return None
+    statistics = summary.statistics
+    contents = Contents(
+        start=statistics.message_start_time, end=statistics.message_end_time, is_indexed=True)
+    for number, channel in summary.channels.items():
+        _add_topic(contents, channel, summary.schemas)
+        contents.counts[channel.topic] += statistics.channel_message_counts.get(number, 0)
+    return contents
+
+
+def scan(stream: IO[bytes]) -> Contents:
+    contents = Contents()
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    for record in _records(stream):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+            _add_topic(contents, record, schemas)
+        elif isinstance(record, mcap.records.Message):
+            contents.counts[channels[record.channel_id].topic] += 1
+            contents.start = min(contents.start, record.log_time)
+            contents.end = max(contents.end, record.log_time)
+    return contents
+
+
+def _add_topic(contents: Contents, channel: Channel, schemas: dict[int, Schema]) -> None:
+    schema = schemas[channel.schema_id]
+    contents.counts.setdefault(channel.topic, 0)
+    contents.topics.setdefault(channel.topic, Topic(
+        channel.topic, schema.name, schema.data.decode('utf-8', 'replace'),
+        channel.metadata.get('topic_type_hash', ''),
+        _parse_qos(channel.metadata.get('offered_qos_profiles', ''))))
+
+
+def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
+    try:
+        profiles = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return ()
+    if not isinstance(profiles, list):
+        return ()
+    return tuple(profile for profile in profiles if isinstance(profile, dict))
+
+
+def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
+                 end: int) -> Iterator[Message]:
+    reader = SeekingReader(stream, validate_crcs=True)
+    for schema, channel, message in reader.iter_messages(
+            None if topics is None else list(topics), starting_at=start, ending_before=end + 1):
+        yield _message(channel, '' if schema is None else schema.name, message)
+
+
+def read_through(stream: IO[bytes], topics: Collection[str] | None, start: int,
+                 end: int) -> Iterator[Message]:
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    waiting: list[tuple[int, int, Message]] = []
+    number = 0
+    for record in _records(stream):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, mcap.records.Message) and start <= record.log_time <= end:
+            channel = channels[record.channel_id]
+            if topics is not None and channel.topic not in topics:
+                continue
+            number += 1
+            heapq.heappush(waiting, (record.log_time, number, _message(
+                channel, schemas[channel.schema_id].name, record)))
+            while waiting[0][0] < record.log_time - _WINDOW:
+                yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
+    """Return the records of a file up to where it was cut off."""
+    stream.seek(0)
+    with contextlib.suppress(EndOfFile):
+        for record in StreamReader(stream, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                yield from breakup_chunk(record, validate_crc=True)
+            else:
+                yield record
+
+
+def _message(channel: Channel, type_name: str, message: mcap.records.Message) -> Message:
+    return Message(channel.topic, type_name, message.data, message.log_time,
+                   message.publish_time, message.sequence)

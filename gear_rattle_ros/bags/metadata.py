@@ -1,0 +1,150 @@
+"""The metadata.yaml of a bag, version 9, with the keys and their order of rosbag2 in Jazzy."""
+
+from collections.abc import Iterable
+import json
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from .topics import BagError, Topic
+
+VERSION: Final = 9
+NAME: Final = 'metadata.yaml'
+DISTRIBUTION: Final = 'jazzy'
+# What rosbag2 writes for the start of a bag without messages.
+_NEVER: Final = 2**63 - 1
+
+
+def document(file_name: str, counts: Iterable[tuple[Topic, int]], start: int,
+             end: int) -> dict[str, Any]:
+    """
+    Describe a bag of one file.
+
+    Parameters
+    ----------
+    file_name : str
+        Of the .mcap file.
+    counts : iterable of (Topic, int)
+        The topics and how many messages each has.
+    start, end : int
+        Log time of the first and the last message [ns].
+
+    Returns
+    -------
+    dict
+        What stands under ``rosbag2_bagfile_information``.
+
+    """
+    counts = list(counts)
+    total = sum(count for _, count in counts)
+    starting = {'nanoseconds_since_epoch': start if total else _NEVER}
+    duration = {'nanoseconds': end - start if total else 0}
+    return {
+        'version': VERSION,
+        'storage_identifier': 'mcap',
+        'duration': duration,
+        'starting_time': starting,
+        'message_count': total,
+        'topics_with_message_count': [
+            {
+                'topic_metadata': {
+                    'name': topic.name,
+                    'type': topic.type_name,
+                    'serialization_format': 'cdr',
+                    'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
+                    'type_description_hash': topic.type_hash,
+                },
+                'message_count': count,
+            }
+            for topic, count in counts
+        ],
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [file_name],
+        'files': [{
+            'path': file_name,
+            'starting_time': dict(starting),
+            'duration': dict(duration),
+            'message_count': total,
+        }],
+        'custom_data': None,
+        'ros_distro': DISTRIBUTION,
+    }
+
+
+def dump(content: object) -> str:
+    """
+    Write YAML in block style.
+
+    Parameters
+    ----------
+    content : object
+        Of dicts, lists, strings and numbers.
+
+    Returns
+    -------
+    str
+        The text.
+
+    """
+    # The way through JSON leaves nothing shared, which YAML would write as an alias.
+    separate = json.loads(json.dumps(content))
+    return str(yaml.safe_dump(separate, sort_keys=False, default_flow_style=False))
+
+
+def write(directory: Path, information: dict[str, Any]) -> None:
+    """
+    Replace the metadata.yaml of a bag, so that a reader sees the old one or the new one.
+
+    Parameters
+    ----------
+    directory : Path
+        The bag.
+    information : dict
+        As `document` returns it.
+
+    """
+    text = dump({'rosbag2_bagfile_information': information})
+    new = directory / f'.{NAME}.new'
+    with new.open('w', encoding='utf-8') as stream:
+        stream.write(text)
+        stream.flush()
+        os.fsync(stream.fileno())
+    new.replace(directory / NAME)
+
+
+def file_names(directory: Path) -> list[str]:
+    """
+    Return the files of a bag in their order.
+
+    Parameters
+    ----------
+    directory : Path
+        The bag.
+
+    Returns
+    -------
+    list of str
+        Their names; where metadata.yaml is missing, all .mcap files.
+
+    Raises
+    ------
+    BagError
+        If metadata.yaml is not that of an MCAP bag.
+
+    """
+    path = directory / NAME
+    try:
+        content = yaml.safe_load(path.read_text('utf-8'))
+        information = content['rosbag2_bagfile_information']
+        if information['storage_identifier'] != 'mcap':
+            raise BagError(
+                f'{path}: storage is {information["storage_identifier"]!r}, not mcap')
+        return [str(name) for name in information['relative_file_paths']]
+    except FileNotFoundError:
+        return sorted(
+            (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))
+    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError):
+        raise BagError(f'{path}: is not the metadata of a bag') from None

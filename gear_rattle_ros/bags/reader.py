@@ -1,0 +1,141 @@
+"""Reading a bag, also one that was cut off or has no index."""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from ..core.model import EventArray
+from .clouds import CloudDecoder, POINT_CLOUD
+from .files import Contents, Message, opened, read_indexed, read_summary, read_through, scan
+from .metadata import file_names
+from .topics import BagError, Topic
+
+
+class Bag:
+    """
+    A recorded bag.
+
+    Parameters
+    ----------
+    path : Path
+        A bag directory, or a single .mcap file.
+
+    Attributes
+    ----------
+    topics : dict of str to Topic
+        By name.
+    counts : dict of str to int
+        Messages on each topic.
+    start, end : int
+        Log time of the first and the last message [ns]; 0 if there is none.
+    is_whole : bool
+        Whether all files were closed properly; if not, their complete chunks are read.
+
+    Raises
+    ------
+    BagError
+        If there is no bag, or it is damaged.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: dict[str, Topic] = {}
+        self.counts: dict[str, int] = {}
+        self.is_whole = True
+        self._files: list[tuple[Path, Contents]] = []
+        starts, ends = [], []
+        for file in _find_files(path):
+            with opened(file) as stream:
+                contents = read_summary(stream) or scan(stream)
+            self._files.append((file, contents))
+            self.is_whole &= contents.is_indexed
+            for name, topic in contents.topics.items():
+                known = self.topics.setdefault(name, topic)
+                if known.type_name != topic.type_name:
+                    raise BagError(f'{file}: topic {name} is of two types, '
+                                   f'{known.type_name} and {topic.type_name}')
+                self.counts[name] = self.counts.get(name, 0) + contents.counts[name]
+            if any(contents.counts.values()):
+                starts.append(contents.start)
+                ends.append(contents.end)
+        self.start = min(starts, default=0)
+        self.end = max(ends, default=0)
+
+    def messages(self, topics: Collection[str] | None = None, start: int = 0,
+                 end: int = 2**63 - 1) -> Iterator[Message]:
+        """
+        Return messages in the order of their log time.
+
+        Parameters
+        ----------
+        topics : collection of str, optional
+            Names; without them, all.
+        start, end : int
+            Range of the log time [ns], both included.
+
+        Yields
+        ------
+        Message
+            One after the other.
+
+        Raises
+        ------
+        BagError
+            At a damaged place.
+
+        """
+        for file, contents in self._files:
+            with opened(file) as stream:
+                if contents.is_indexed:
+                    yield from read_indexed(stream, topics, start, end)
+                else:
+                    yield from read_through(stream, topics, start, end)
+
+    def events(self, topic: str = '') -> Iterator[EventArray]:
+        """
+        Return the batches of EVENT that were recorded.
+
+        Parameters
+        ----------
+        topic : str
+            Name of the topic; without it, the one whose last part is ``impacts``.
+
+        Yields
+        ------
+        ndarray of EVENT, shape (n,)
+            One batch.
+
+        Raises
+        ------
+        BagError
+            If there is no such topic, or no EVENT in it.
+
+        """
+        if not topic:
+            found = [name for name, known in self.topics.items()
+                     if known.type_name == POINT_CLOUD and name.split('/')[-1] == 'impacts']
+            if len(found) != 1:
+                raise BagError(f'{self.path}: has {len(found)} topics named impacts; name one of '
+                               f'{", ".join(sorted(self.topics)) or "none"}')
+            topic = found[0]
+        elif topic not in self.topics:
+            raise BagError(f'{self.path}: has no topic {topic}; there are '
+                           f'{", ".join(sorted(self.topics)) or "none"}')
+        decoder = CloudDecoder()
+        for message in self.messages([topic]):
+            try:
+                events = decoder.events(message.data)
+            except ValueError as error:
+                raise BagError(f'{self.path}: {topic} at {message.log_time} ns: {error}') from None
+            yield events
+
+
+def _find_files(path: Path) -> list[Path]:
+    if path.is_dir():
+        files = [path / name for name in file_names(path)]
+        if not files:
+            raise BagError(f'{path}: has no .mcap file')
+        return files
+    if not path.exists():
+        raise BagError(f'{path}: does not exist')
+    return [path]

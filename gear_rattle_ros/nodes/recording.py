@@ -1,0 +1,165 @@
+"""The recorder's other thread: counts what is lost and writes the bag."""
+
+from collections import deque
+import dataclasses
+import threading
+import time
+from typing import Final
+
+from ..bags import BagWriter, CloudDecoder, Topic
+from ..core.model import impact_count
+from ..core.stream import StreamGuard
+
+# Bytes that may wait for the disk; then the reader of the topics waits, and DDS holds up the
+# publishers, so that nothing is lost.
+_ROOM: Final = 32 * 1024 * 1024
+# What a killed recorder loses at the most is younger than this and the time of one write [s].
+_FLUSH_PERIOD: Final = 0.5
+_METADATA_PERIOD: Final = 2.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Received:
+    """A message on its way to the bag."""
+
+    topic: Topic
+    data: bytes
+    log_time: int
+    publish_time: int
+    sequence: int
+
+
+class Recording:
+    """
+    A bag that is written by a thread of its own.
+
+    Whether the stream of impacts is whole is read from its records; lost messages of the other
+    topics are found by the publishers' counting, which the node watches.
+    """
+
+    def __init__(self, writer: BagWriter, impacts: str) -> None:
+        self.impacts = 0
+        self.messages = 0
+        self.failure = ''
+        self.unreadable = 0
+        self._guard = StreamGuard()
+        self._decoder = CloudDecoder()
+        self._impacts_topic = impacts
+        self._writer = writer
+        self._channels: dict[str, int] = {}
+        self._waiting: deque[Received] = deque()
+        self._bytes = 0
+        self._oldest: int | None = None
+        self._is_closing = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name='recording', daemon=True)
+        self._thread.start()
+
+    @property
+    def impacts_lost(self) -> int:
+        """Impacts that never came."""
+        return self._guard.lost
+
+    @property
+    def gaps(self) -> int:
+        """Holes in the stream of impacts."""
+        return self._guard.gaps
+
+    @property
+    def size(self) -> int:
+        """Length of the file [byte]."""
+        return self._writer.size
+
+    @property
+    def backlog(self) -> int:
+        """Bytes that wait for the thread."""
+        return self._bytes
+
+    @property
+    def age(self) -> float:
+        """Age of the oldest message that is not on the disk [s]."""
+        oldest = self._oldest
+        return 0.0 if oldest is None else max(time.time_ns() - oldest, 0) / 1e9
+
+    def put(self, received: Received) -> None:
+        """Hand a message over; waits while there is no room."""
+        with self._changed:
+            while self._bytes > _ROOM and not self.failure:
+                self._changed.wait()
+            if self.failure:
+                return
+            if self._oldest is None:
+                self._oldest = received.log_time
+            self._waiting.append(received)
+            self._bytes += len(received.data)
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Write everything that was handed over, and end the bag."""
+        with self._changed:
+            self._is_closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        flushed = described = time.monotonic()
+        try:
+            while True:
+                received = self._take(_FLUSH_PERIOD)
+                if received is not None:
+                    self._write(received)
+                now = time.monotonic()
+                if now >= flushed + _FLUSH_PERIOD:
+                    flushed = now
+                    self._writer.flush()
+                    with self._changed:
+                        self._oldest = self._waiting[0].log_time if self._waiting else None
+                if now >= described + _METADATA_PERIOD:
+                    described = now
+                    self._writer.write_metadata()
+                if received is None and self._is_closing:
+                    self._writer.close()
+                    return
+        except Exception as error:
+            # Whatever it is, the publishers must not be left waiting.
+            self.messages = self._writer.abandon()
+            self._fail(str(error))
+
+    def _take(self, patience: float) -> Received | None:
+        with self._changed:
+            if not self._waiting and not self._is_closing:
+                self._changed.wait(patience)
+            if not self._waiting:
+                return None
+            received = self._waiting.popleft()
+            self._bytes -= len(received.data)
+            self._changed.notify_all()
+        return received
+
+    def _fail(self, reason: str) -> None:
+        """Let messages go by from now on, so that no publisher waits for a full disk."""
+        with self._changed:
+            self.failure = reason
+            self._waiting.clear()
+            self._bytes = 0
+            self._changed.notify_all()
+
+    def _write(self, received: Received) -> None:
+        topic = received.topic
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            channel = self._channels[topic.name] = self._writer.add_topic(topic)
+        self._writer.write(channel, received.log_time, received.publish_time, received.sequence,
+                           received.data)
+        self.messages += 1
+        if topic.name == self._impacts_topic:
+            self._count(received.data)
+
+    def _count(self, data: bytes) -> None:
+        try:
+            records = self._decoder.columns(data, ('kind', 'index', 'epoch'))
+        except ValueError:
+            self.unreadable += 1
+            return
+        self._guard.split(records)
+        self.impacts += impact_count(records)
