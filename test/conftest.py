@@ -1,0 +1,100 @@
+"""Real processes on real DDS, each test in a ROS domain of its own, nothing left behind."""
+
+from collections.abc import Callable, Iterator
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+# Domains 1 to 101 keep clear of ephemeral ports.
+_DOMAINS = iter(range(10_000))
+
+
+class NodeProcess:
+    """A node of the package in a process of its own."""
+
+    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
+        """Start it."""
+        code = f'import sys; from gear_rattle_ros.nodes.{name} import main; sys.exit(main())'
+        self.log = log
+        with open(log, 'wb') as output:
+            self.process = subprocess.Popen(
+                [sys.executable, '-c', code, *arguments], stdin=subprocess.DEVNULL,
+                stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
+
+    def text(self) -> str:
+        """Return what it has written."""
+        return self.log.read_text(errors='replace')
+
+    def wait_for(self, words: str, within: float = 60.0) -> None:
+        """Wait until it has written some words."""
+        deadline = time.monotonic() + within
+        while words not in self.text():
+            assert time.monotonic() < deadline, f'no {words!r} in: {self.text()}'
+            assert self.process.poll() is None or words in self.text(), self.text()
+            time.sleep(0.02)
+
+    def stop(self, number: int = signal.SIGINT, within: float = 10.0) -> int:
+        """Send a signal and return the exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(within)
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Return a ROS domain of the test's own, on this machine only."""
+    number = 1 + (os.getpid() + 7 * next(_DOMAINS)) % 101
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(number))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    monkeypatch.setenv('ROS_PYTHON_CHECK_FIELDS', '1')
+    return number
+
+
+@pytest.fixture
+def start(domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """Start nodes; whatever still runs at the end is killed."""
+    running: list[NodeProcess] = []
+
+    def start_one(name: str, *arguments: str) -> NodeProcess:
+        process = NodeProcess(name, list(arguments), tmp_path / f'{len(running)}_{name}.log')
+        running.append(process)
+        return process
+
+    yield start_one
+    for process in running:
+        if process.process.poll() is None:
+            os.killpg(process.process.pid, signal.SIGKILL)
+            process.process.wait()
+
+
+@pytest.fixture
+def rclpy_node(domain: int):
+    """Return an rclpy node of the test's own."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    context = rclpy.context.Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('test_node', context=context)
+    yield node
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.fixture
+def spin(rclpy_node) -> Callable[..., None]:
+    """Spin the test's node until a condition holds."""
+    from rclpy.executors import SingleThreadedExecutor
+    executor = SingleThreadedExecutor(context=rclpy_node.context)
+    executor.add_node(rclpy_node)
+
+    def spin_until(condition: Callable[[], object], within: float = 20.0) -> None:
+        deadline = time.monotonic() + within
+        while not condition():
+            assert time.monotonic() < deadline, 'it did not come about in time'
+            executor.spin_once(timeout_sec=0.05)
+
+    return spin_until

@@ -1,0 +1,176 @@
+"""The analysis nodes as real processes on real DDS."""
+
+import signal
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import pytest
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState, PointCloud2
+
+from gear_rattle_ros.core.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
+from gear_rattle_ros.qos import LATCHED, STREAM
+
+NAMES = ('lambda_1', 'lambda_2', 'lambda_1_error', 'lambda_2_error', 'sum', 'exact_sum',
+         'lambda_1_finite', 'mean_flight_time', 'epoch', 'impacts', 'index')
+
+
+@pytest.fixture(scope='module')
+def events():
+    """Return a stretch of the stream with a retune in it."""
+    simulation = Simulation(Parameters(alpha=1.23), State(velocity=-1.0))
+    first = simulation.advance(10**8, 0.0, 5000)
+    return np.concatenate([
+        first, simulation.retune(Parameters(alpha=0.48)),
+        simulation.advance(10**8, 0.0, 5000)])
+
+
+class Bench:
+    """Publishes events to a node and listens to what it says."""
+
+    def __init__(self, node, spin, start, name):
+        """Start the node and wait for it."""
+        self.spin = spin
+        self.publisher = node.create_publisher(PointCloud2, 'impacts', STREAM)
+        self.said, self.health = [], []
+        if name == 'lyapunov':
+            node.create_subscription(
+                JointState, 'lyapunov',
+                lambda m: self.said.append(dict(zip(m.name, m.position, strict=True))), STREAM)
+        else:
+            node.create_subscription(
+                DiagnosticArray, 'transient',
+                lambda m: self.said.append(
+                    {'words': m.status[0].message}
+                    | {item.key: item.value for item in m.status[0].values}), LATCHED)
+        node.create_subscription(
+            DiagnosticArray, '/diagnostics',
+            lambda m: self.health.append(
+                {'message': m.status[0].message}
+                | {item.key: item.value for item in m.status[0].values}), 10)
+        self.process = start(name)
+        self.process.wait_for('ready')
+        spin(lambda: self.publisher.get_subscription_count() == 1)
+
+    def send(self, events, size=700):
+        """Publish events in batches."""
+        for first in range(0, len(events), size):
+            self.publisher.publish(
+                cloud_from_events(events[first:first + size], stamp_from_nanoseconds(first)))
+        assert self.publisher.wait_for_all_acked(Duration(seconds=10))
+
+
+@pytest.fixture
+def bench(rclpy_node, spin, start):
+    """Return a bench for a node by name."""
+    return lambda name: Bench(rclpy_node, spin, start, name)
+
+
+def expected(*pieces):
+    """Return what a RunningLyapunov in this process makes of the same events."""
+    running = RunningLyapunov()
+    for piece in pieces:
+        running.update(piece)
+    report = running.report()
+    return {name: getattr(report, name) for name in NAMES}
+
+
+def same(said, wanted):
+    """Compare bit for bit, nan with nan."""
+    return all(np.float64(said[name]).tobytes() == np.float64(wanted[name]).tobytes()
+               or np.isnan(said[name]) and np.isnan(wanted[name]) for name in NAMES)
+
+
+def test_exponents_over_dds_are_those_of_the_core(bench, events):
+    """The last estimate equals that of the events in one piece, to the bit."""
+    lyapunov = bench('lyapunov')
+    lyapunov.send(events[:5001])
+    lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 5000 - 1)
+    assert same(lyapunov.said[-1], expected(events[:5001]))
+    lyapunov.send(events[5001:])
+    lyapunov.spin(lambda: lyapunov.said[-1]['index'] == events['index'][-1])
+    assert same(lyapunov.said[-1], expected(events))
+    assert lyapunov.said[-1]['epoch'] == 1.0
+
+
+def test_late_joiner_begins_where_it_comes_in(bench, events):
+    """A new average, and a line that says so."""
+    lyapunov = bench('lyapunov')
+    lyapunov.send(events[3000:5000])
+    lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 4999)
+    assert same(lyapunov.said[-1], expected(events[3000:5000]))
+    assert lyapunov.said[-1]['impacts'] == 1999
+    assert f'the stream is here at impact {events["index"][3000]}' in lyapunov.process.text()
+
+
+@pytest.mark.parametrize('name', ['lyapunov', 'transients'])
+def test_hole_is_counted_and_nothing_is_computed_across_it(bench, events, name):
+    """The number of lost impacts is said, and the average starts afresh."""
+    node = bench(name)
+    node.send(events[:2000])
+    node.send(events[2345:4000])
+    node.process.wait_for('345 impacts were lost')
+    node.spin(lambda: any(health.get('lost_impacts') == '345' for health in node.health))
+    if name == 'lyapunov':
+        node.spin(lambda: node.said[-1]['index'] == 3999)
+        assert same(node.said[-1], expected(events[2345:4000]))
+
+
+def test_restarted_simulator_is_noticed(bench, events):
+    """A stream that begins anew is no gap."""
+    lyapunov = bench('lyapunov')
+    lyapunov.send(events[:3000])
+    lyapunov.send(events[:1000])
+    lyapunov.process.wait_for('the stream has begun anew')
+    lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 999)
+    assert same(lyapunov.said[-1], expected(events[:1000]))
+
+
+def test_killed_simulator_and_its_successor(start, rclpy_node, spin):
+    """The analysis outlives a killed simulator and follows the next one."""
+    said = []
+    rclpy_node.create_subscription(JointState, 'lyapunov', said.append, STREAM)
+    lyapunov = start('lyapunov')
+    lyapunov.wait_for('ready')
+    first = start('simulator', '--ros-args', '-p', 'rate:=500.0')
+    spin(lambda: said and said[-1].position[-1] > 1000)
+    first.process.send_signal(signal.SIGKILL)
+    first.process.wait()
+    start('simulator', '--ros-args', '-p', 'rate:=500.0', '-p', 'wait_for_readers:=1')
+    lyapunov.wait_for('the stream has begun anew')
+    assert lyapunov.stop(signal.SIGTERM) == 0
+
+
+def test_transients_are_told_as_they_change(bench, events):
+    """Every change of the core's detector is published, latched, in words and numbers."""
+    transients = bench('transients')
+    transients.send(events)
+    detector = TransientDetector()
+    changes = detector.update(events)
+    transients.spin(lambda: transients.said and transients.said[-1]['state'] == 'orbit')
+    assert transients.said[-1]['words'] == changes[-1].describe()
+    assert transients.said[-1]['lifetime'] == str(changes[-1].lifetime)
+    assert float(transients.said[-1]['multiplier']) == changes[-1].multiplier
+    assert transients.said[-1]['epoch'] == '1'
+
+
+def test_what_is_no_batch_is_refused_in_one_line(bench, events):
+    """A cloud of another layout is named and passed over."""
+    lyapunov = bench('lyapunov')
+    foreign = cloud_from_events(events[:10], stamp_from_nanoseconds(0))
+    foreign.fields = [field for field in foreign.fields if field.name != 'gamma']
+    for _ in range(3):
+        lyapunov.publisher.publish(foreign)
+    broken = events[:10].copy()
+    broken['velocity'][3] = np.nan
+    lyapunov.publisher.publish(cloud_from_events(broken, stamp_from_nanoseconds(0)))
+    lyapunov.send(events[:1000])
+    lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 999)
+    assert same(lyapunov.said[-1], expected(events[:1000]))
+    text = lyapunov.process.text()
+    assert text.count("no field 'gamma'") == 1 and text.count('velocity = nan') == 1
+    lyapunov.spin(lambda: any(h.get('refused_batches') == '4' for h in lyapunov.health))

@@ -1,0 +1,277 @@
+"""The simulator as a real process on real DDS."""
+
+import math
+import signal
+import time
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.core.stream import StreamGuard
+from gear_rattle_ros.messages import events_from_cloud, nanoseconds_from_stamp
+from gear_rattle_ros.qos import STREAM_INPUT
+
+
+class Reader:
+    """Everything a subscriber gets."""
+
+    def __init__(self, node, spin):
+        """Subscribe."""
+        self.batches = []
+        self.stamps = []
+        self.spin = spin
+        node.create_subscription(
+            PointCloud2, 'impacts', lambda cloud: self.take(cloud), STREAM_INPUT)
+
+    def take(self, cloud):
+        """Keep a batch."""
+        self.batches.append(events_from_cloud(cloud))
+        self.stamps.append(nanoseconds_from_stamp(cloud.header.stamp))
+
+    def events(self):
+        """Return all events so far."""
+        return np.concatenate(self.batches) if self.batches else np.zeros(0, EVENT)
+
+    def until(self, count):
+        """Wait for so many events."""
+        self.spin(lambda: sum(map(len, self.batches)) >= count)
+        return self.events()
+
+
+class Steering:
+    """The simulator's parameters and services."""
+
+    def __init__(self, node, spin):
+        """Connect."""
+        self.node, self.spin = node, spin
+        self.clients = {}
+
+    def call(self, kind, name, request):
+        """Call a service and return its response."""
+        client = self.clients.setdefault(name, self.node.create_client(kind, f'/simulator/{name}'))
+        self.spin(client.service_is_ready)
+        future = client.call_async(request)
+        self.spin(future.done)
+        return future.result()
+
+    def set(self, **values):
+        """Set parameters, all or none."""
+        return self.call(
+            SetParametersAtomically, 'set_parameters_atomically',
+            SetParametersAtomically.Request(parameters=[
+                Parameter(name, value=value).to_parameter_msg()
+                for name, value in values.items()])).result
+
+    def get(self, *names):
+        """Return doubles."""
+        values = self.call(
+            GetParameters, 'get_parameters', GetParameters.Request(names=list(names))).values
+        return [value.double_value for value in values]
+
+
+@pytest.fixture
+def reader(rclpy_node, spin):
+    """Return a lossless subscriber."""
+    return Reader(rclpy_node, spin)
+
+
+@pytest.fixture
+def steering(rclpy_node, spin):
+    """Return a way to steer."""
+    return Steering(rclpy_node, spin)
+
+
+def reference(count, **initial):
+    """Return the same trajectory, computed here in one piece."""
+    return Simulation(Parameters(), State(**{'velocity': -0.5, **initial})).advance(
+        10**8, 0.0, count)
+
+
+def test_stream_is_that_of_the_core_to_the_bit(start, reader):
+    """What arrives over DDS is what the core computes, from the first record on."""
+    start('simulator', '--ros-args', '-p', 'wait_for_readers:=1', '-p', 'rate:=300.0')
+    events = reader.until(1500)
+    assert events.tobytes() == reference(len(events)).tobytes()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_ends_quietly(start, number):
+    """A signal ends the node with status 0 and without a trace."""
+    node = start('simulator')
+    node.wait_for('ready')
+    assert node.stop(number) == 0
+    assert 'Traceback' not in node.text()
+
+
+@pytest.mark.parametrize('words', [
+    ('alhpa:=1.0', "did you mean 'alpha'"),
+    ('alpha:=-1.0', 'alpha = -1.0 is outside'),
+    ('alpha:=.nan', 'alpha = nan'),
+    ('beta:=high', "beta = 'high' is not of type double"),
+    ('initial_displacement:=0.5', 'initial_displacement = 0.5 is outside'),
+    ('seed:=1.5', 'seed = 1.5 is not of type integer'),
+])
+def test_bad_start_is_one_line_and_status_2(start, words):
+    """A bad start-up parameter is named in one line."""
+    node = start('simulator', '--ros-args', '-p', words[0])
+    assert node.process.wait(60) == 2
+    assert words[1] in node.text()
+    assert len(node.text().strip().splitlines()) == 1
+
+
+def test_integer_for_a_double_is_taken_at_start_and_live(start, reader, steering):
+    """`alpha 1` means 1.0."""
+    start('simulator', '--ros-args', '-p', 'alpha:=1', '-p', 'rate:=100')
+    assert reader.until(10)['alpha'][-1] == 1.0
+    assert steering.set(alpha=2).successful
+    reader.spin(lambda: reader.events()['alpha'][-1] == 2.0)
+    assert steering.get('alpha') == [2.0]
+
+
+def test_live_retune_is_continuous_and_raises_the_epoch(start, reader, steering):
+    """Displacement and velocity go on; everything after the retune has the new value."""
+    start('simulator', '--ros-args', '-p', 'wait_for_readers:=1', '-p', 'rate:=200.0')
+    reader.until(100)
+    assert steering.set(alpha=0.57, gamma=0.2).successful
+    reader.spin(lambda: EventKind.RETUNE in reader.events()['kind'])
+    events = reader.until(len(reader.events()) + 50)
+    at = int(np.flatnonzero(events['kind'] == EventKind.RETUNE)[0])
+    retune = events[at]
+    assert np.flatnonzero(np.diff(events['epoch'].astype(int))).tolist() == [at - 1]
+    assert (events['alpha'][:at] == 0.48).all() and (events['alpha'][at:] == 0.57).all()
+    assert retune['velocity'] == retune['velocity_after']
+    again = Simulation(Parameters(), State(velocity=-0.5))
+    head = again.advance(int(retune['cycle']), float(retune['phase']), 10**6)
+    tail = again.retune(Parameters(alpha=0.57, gamma=0.2))
+    rest = again.advance(10**8, 0.0, len(events) - at - 1)
+    assert np.concatenate([head, tail, rest]).tobytes() == events.tobytes()
+
+
+@pytest.mark.parametrize('values', [
+    {'alpha': -0.1}, {'alpha': math.nan}, {'restitution': 1.5}, {'beta': 'x'},
+    {'alpha': 0.5, 'gamma': math.inf}, {'omega': 3.0}, {'initial_displacement': 1.0}])
+def test_refused_value_changes_nothing(start, steering, values):
+    """The answer has a reason, and everything is as it was."""
+    start('simulator')
+    result = steering.set(**values)
+    assert not result.successful and result.reason
+    assert steering.get('alpha', 'gamma', 'beta') == [0.48, 0.1, 0.1]
+
+
+def test_reset_sets_the_state_and_never_goes_back_in_time(start, reader, steering):
+    """The RESET record has the initial state of the parameters, at their phase."""
+    start('simulator', '--ros-args', '-p', 'rate:=100.0')
+    reader.until(50)
+    assert steering.set(initial_phase=1.25, initial_displacement=-0.5).successful
+    assert steering.set(initial_velocity=0.75).successful
+    assert steering.call(Trigger, 'reset', Trigger.Request()).success
+    reader.spin(lambda: EventKind.RESET in reader.events()['kind'][1:])
+    events = reader.until(len(reader.events()) + 20)
+    reset = events[1:][events['kind'][1:] == EventKind.RESET][0]
+    assert (reset['phase'], reset['displacement'], reset['velocity_after']) == (1.25, -0.5, 0.75)
+    time_of = events['cycle'] * 2.0 * np.pi + events['phase']
+    assert (np.diff(time_of) >= 0.0).all()
+    assert StreamGuard().split(events)[1:] == []
+
+
+def test_pause_stops_time(start, reader, steering):
+    """While paused nothing happens; then it goes on where it was."""
+    start('simulator', '--ros-args', '-p', 'rate:=200.0', '-p', 'wait_for_readers:=1')
+    reader.until(100)
+    steering.call(SetBool, 'pause', SetBool.Request(data=True))
+    reader.spin(lambda: time.sleep(0.2) or True)
+    for _ in range(5):
+        reader.spin(lambda: True)
+    before = len(reader.events())
+    deadline = time.monotonic() + 0.5
+    reader.spin(lambda: time.monotonic() > deadline)
+    assert len(reader.events()) == before
+    steering.call(SetBool, 'pause', SetBool.Request(data=False))
+    events = reader.until(before + 100)
+    assert events.tobytes() == reference(len(events)).tobytes()
+
+
+def test_ramp_steps_exactly_once_a_drive_period(start, reader, steering):
+    """Alpha climbs by alpha_rate at the end of every period, and stops at its target."""
+    start('simulator', '--ros-args', '-p', 'rate:=100.0', '-p', 'wait_for_readers:=1')
+    reader.until(10)
+    assert steering.set(alpha_target=0.5, alpha_rate=0.0005).successful
+    reader.spin(lambda: reader.events()['alpha'][-1] == 0.5)
+    events = reader.until(len(reader.events()) + 10)
+    steps = events[events['kind'] == EventKind.RETUNE]
+    assert (steps['phase'] == 0.0).all() and (np.diff(steps['cycle'].astype(int)) == 1).all()
+    np.testing.assert_allclose(steps['alpha'], 0.48 + 0.0005 * np.arange(1, 41), rtol=1e-12)
+    reader.spin(lambda: steering.get('alpha', 'alpha_rate') == [0.5, 0.0])
+
+
+def test_full_speed_loses_nothing_to_a_slow_reader(start, reader):
+    """With rate = 0 the simulator waits for whoever is slow."""
+    start('simulator', '--ros-args', '-p', 'rate:=0.0', '-p', 'wait_for_readers:=1')
+    take = reader.take
+
+    def slowly(cloud):
+        time.sleep(0.01)
+        take(cloud)
+
+    reader.take = slowly
+    events = reader.until(300_000)
+    assert events.tobytes() == reference(len(events)).tobytes()
+
+
+def test_joint_states_obey_the_gears(start, rclpy_node, spin):
+    """The backlash is the driven gear less the driver, in angle and speed."""
+    got = []
+    rclpy_node.create_subscription(JointState, 'joint_states', got.append, 10)
+    start('simulator', '--ros-args', '-p', 'omega:=2.0')
+    spin(lambda: len(got) > 20)
+    for message in got:
+        assert message.name == ['driver_gear', 'driven_gear', 'backlash']
+        driver, driven, backlash = message.position
+        assert -0.01 <= backlash <= 0.0
+        assert driven - driver == pytest.approx(backlash, abs=1e-15)
+        assert abs(driver) <= 0.48 * 0.01 * (1 + 1e-12)
+        assert (driver / 0.0048)**2 + (message.velocity[0] / 0.0096)**2 == pytest.approx(1.0)
+        assert list(message.effort) == [0.0, 0.0, 0.0]
+
+
+def test_stamps_are_drive_time(start, reader):
+    """Stamps advance by tau/omega."""
+    start('simulator', '--ros-args', '-p', 'rate:=50.0', '-p', 'omega:=4.0')
+    reader.until(200)
+    last = [batch[-1] for batch in reader.batches if len(batch)]
+    tau = np.array([event['cycle'] * 2.0 * np.pi + event['phase'] for event in last])
+    stamps = np.array(reader.stamps) / 1e9
+    # A batch is stamped at the end of its tick: after its last event, before the next batch's.
+    assert ((stamps[1:] - stamps[0]) - (tau[1:] - tau[0]) / 4.0 < 3.0).all()
+    assert (np.diff(stamps) > 0.0).all()
+
+
+def test_every_parameter_says_what_it_is(start, steering):
+    """Description, unit and range of the live parameters."""
+    start('simulator')
+    names = ['alpha', 'beta', 'gamma', 'restitution', 'noise', 'rate']
+    descriptors = steering.call(
+        DescribeParameters, 'describe_parameters',
+        DescribeParameters.Request(names=names)).descriptors
+    assert [descriptor.name for descriptor in descriptors] == names
+    for descriptor in descriptors:
+        assert '[' in descriptor.description and descriptor.floating_point_range
+        assert not descriptor.read_only
+
+
+def test_noise_is_reproducible(start, reader):
+    """Same seed, same bytes; the kick is in the record."""
+    start('simulator', '--ros-args', '-p', 'noise:=0.01', '-p', 'seed:=7', '-p',
+          'wait_for_readers:=1', '-p', 'rate:=500.0')
+    events = reader.until(1000)
+    again = Simulation(Parameters(), State(velocity=-0.5), noise=0.01, seed=7)
+    assert events.tobytes() == again.advance(10**8, 0.0, len(events)).tobytes()
+    impacts = events[events['kind'] == EventKind.IMPACT]
+    kicks = impacts['velocity_after'] + 0.9 * impacts['velocity']
+    assert 0.008 < np.std(kicks) < 0.012
