@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 from setuptools import Distribution, find_packages, setup
 
 # After setuptools, which brings its own copy where Python has none any more.
-from distutils.command.install_data import install_data
+from distutils.command.install_data import install_data  # noqa: I100
 
 PACKAGE = 'gear_rattle_ros'
 

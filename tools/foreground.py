@@ -53,7 +53,8 @@ def run(command: list[str]) -> int:
     process = subprocess.Popen(command, preexec_fn=start)
 
     def forward(number: int, frame: FrameType | None) -> None:
-        process.send_signal(number)
+        # Not process.send_signal: that might take the exit status away from waitpid below.
+        os.kill(process.pid, number)
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, forward)
