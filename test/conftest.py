@@ -19,11 +19,10 @@ class NodeProcess:
 
     def __init__(self, name: str, arguments: list[str], log: Path) -> None:
         """Start it."""
-        code = f'import sys; from gear_rattle_ros.nodes.{name} import main; sys.exit(main())'
         self.log = log
         with open(log, 'wb') as output:
             self.process = subprocess.Popen(
-                [sys.executable, '-c', code, *arguments], stdin=subprocess.DEVNULL,
+                [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments], stdin=subprocess.DEVNULL,
                 stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
 
     def text(self) -> str:

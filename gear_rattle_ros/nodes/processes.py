@@ -25,10 +25,9 @@ class Processes:
 
     def start(self, name: str, arguments: list[str]) -> None:
         """Start a node; a session of its own keeps the terminal's Ctrl-C from it."""
-        code = f'import sys; from gear_rattle_ros.nodes.{name} import main; sys.exit(main())'
         with open(self.log(name), 'wb') as log:
             self._running[name] = subprocess.Popen(
-                [sys.executable, '-c', code, *arguments],
+                [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

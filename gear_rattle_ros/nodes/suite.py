@@ -6,8 +6,8 @@ import datetime
 import os
 from pathlib import Path
 import shlex
+import subprocess
 import sys
-import threading
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -36,6 +36,10 @@ STORY = (0.57, 1.244)
 # Compiling for the first time takes this long on a slow machine [s].
 START_WITHIN = 180.0
 REFRESH = 0.25
+SUMMARY_WITHIN = 60.0
+SUMMARISE = (
+    'import sys; from gear_rattle_ros.offline.summary import main; '
+    'sys.stdin.readline(); sys.exit(main(sys.argv[1:]))')
 PLAIN_EVERY = 5.0
 
 
@@ -103,8 +107,6 @@ class Suite:
     def run(self) -> None:
         """Run from the first process to the last; everything is ended in any case."""
         self._stop.spinning = True
-        # The picture at the end must not wait for its library.
-        threading.Thread(target=_import_pictures, daemon=True).start()
         rclpy.init(args=self._ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
         monitor = Monitor(self._status)
         self._executor = SingleThreadedExecutor()
@@ -119,15 +121,10 @@ class Suite:
             try_shutdown()
 
     def finish(self) -> None:
-        """Draw the summary and say what opens everything."""
-        from ..offline.summary import main as summarise
-        bag, picture = self._folder / 'bag', self._folder / 'summary.png'
-        if bag.exists():
-            with contextlib.redirect_stdout(sys.stderr):
-                summarise([str(bag), '--output', str(picture)])
+        """Say what was recorded and what opens everything."""
         words = self._processes.last_words('recorder')
         print(words.split(']: ')[-1])
-        print(f'{self._status.line()}')
+        bag, picture = self._folder / 'bag', self._folder / 'summary.png'
         for what, path, command in (
             ('bag', bag, f'{_command("rerun")} {_quoted(bag / "bag_0.mcap")}'),
             ('replay', bag, f'{_command("replay")} {_quoted(bag)}'),
@@ -163,10 +160,20 @@ class Suite:
             self._processes.start(name, [*arguments, *parameters])
 
     def _end_nodes(self) -> None:
+        # It loads its libraries while the nodes end, and draws when the bag is closed.
+        summary = subprocess.Popen(
+            [sys.executable, '-c', SUMMARISE, str(self._folder / 'bag'), '--output',
+             str(self._folder / 'summary.png')],
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
         self._processes.stop(['simulator'], within=1.0)
         # What is under way arrives; the analysis nodes say their last word to the recorder.
         self._processes.stop(['lyapunov', 'transients'], within=1.0)
         self._processes.stop(['recorder', 'viewer'], within=2.0)
+        if (self._folder / 'bag').exists():
+            summary.communicate(b'\n', timeout=SUMMARY_WITHIN)
+        else:
+            summary.kill()
+            summary.wait()
 
     def _watch(self, monitor: Monitor) -> None:
         options, status = self._options, self._status
@@ -221,10 +228,6 @@ class Suite:
         self._executor.spin_until_future_complete(future, timeout_sec=5.0)
         if not future.done():
             raise SuiteError(f'{client.srv_name} does not answer')
-
-
-def _import_pictures() -> None:
-    from ..offline import summary  # noqa: F401
 
 
 def _command(name: str) -> str:

@@ -1,0 +1,113 @@
+"""
+Impacts per second from the simulator over DDS into the exponents: two processes, nothing lost.
+
+The peer, in the same run, is stock rclpy: one small message per impact, reliable and keep_all on
+both sides so that nothing is lost there either. Run: make bench, or python benchmark/transport.py
+"""
+
+import array
+import os
+import subprocess
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+import rclpy
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
+
+SECONDS = 10.0
+KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def node(*words: str) -> subprocess.Popen[bytes]:
+    """Start a node of the package."""
+    return subprocess.Popen(
+        [sys.executable, '-m', 'gear_rattle_ros.start', *words], stderr=subprocess.DEVNULL)
+
+
+def suite_rate() -> tuple[float, int]:
+    """Return impacts per second that the exponents take in, and how many were lost."""
+    listener = rclpy.create_node('listener')
+    found: list[tuple[float, int, int]] = []
+
+    def take(message: DiagnosticArray) -> None:
+        status = message.status[0]
+        values = {item.key: item.value for item in status.values}
+        if status.name.startswith('lyapunov') and int(values['events']):
+            found.append((time.monotonic(), int(values['events']), int(values['lost_impacts'])))
+
+    listener.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
+    processes = [
+        node('lyapunov'),
+        node('simulator', '--ros-args', '-p', 'rate:=0.0', '-p', 'alpha:=1.244', '-p',
+             'wait_for_readers:=1'),
+    ]
+    while len(found) < 2 or found[-1][0] - found[1][0] < SECONDS:
+        rclpy.spin_once(listener, timeout_sec=0.1)
+    for process in reversed(processes):
+        process.terminate()
+        process.wait()
+    listener.destroy_node()
+    # The first second is start-up.
+    (t0, n0, _), (t1, n1, lost) = found[1], found[-1]
+    return (n1 - n0) / (t1 - t0), lost
+
+
+def count_messages() -> None:
+    """Subscribe to single impacts for a while and print rate and losses."""
+    rclpy.init()
+    subscriber = rclpy.create_node('subscriber')
+    seen: list[float] = []
+    times: list[float] = []
+
+    def take(message: Float64MultiArray) -> None:
+        seen.append(message.data[0])
+        times.append(time.monotonic())
+
+    subscriber.create_subscription(Float64MultiArray, 'impact', take, KEEP_ALL)
+    while not times or times[-1] - times[0] < SECONDS:
+        rclpy.spin_once(subscriber, timeout_sec=1.0)
+    lost = seen[-1] - seen[0] + 1 - len(seen)
+    print((len(seen) - 1) / (times[-1] - times[0]), int(lost), flush=True)
+
+
+def stock_rate() -> tuple[float, int]:
+    """Return impacts per second of one message per impact, and how many were lost."""
+    publisher_node = rclpy.create_node('publisher')
+    publisher = publisher_node.create_publisher(Float64MultiArray, 'impact', KEEP_ALL)
+    child = subprocess.Popen([sys.executable, __file__, 'subscriber'], stdout=subprocess.PIPE)
+    while not publisher.get_subscription_count():
+        time.sleep(0.02)
+    index = 0
+    message = Float64MultiArray()
+    while child.poll() is None:
+        message.data = array.array('d', [float(index)] + 9 * [0.5])
+        try:
+            publisher.publish(message)
+            index += 1
+        except RCLError:
+            # The queue is full: this is how keep_all holds its publisher back.
+            time.sleep(0.001)
+    publisher_node.destroy_node()
+    rate, lost = child.communicate()[0].split()
+    return float(rate), int(lost)
+
+
+def main() -> None:
+    """Measure both and print the ratio."""
+    rclpy.init()
+    ours, ours_lost = suite_rate()
+    stock, stock_lost = stock_rate()
+    rclpy.try_shutdown()
+    print(f'{"":40} {"impacts/s":>12} {"lost":>6}')
+    print(f'{"simulator -> DDS -> lyapunov":40} {ours:12,.0f} {ours_lost:6}')
+    print(f'{"stock rclpy, one message per impact":40} {stock:12,.0f} {stock_lost:6}')
+    print(f'ratio {ours / stock:.0f}')
+
+
+if __name__ == '__main__':
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    os.environ.setdefault('ROS_DOMAIN_ID', '77')
+    count_messages() if sys.argv[1:] == ['subscriber'] else main()
