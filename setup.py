@@ -1,6 +1,7 @@
-"""Build gear_rattle_ros: one table of executables for colcon and for plain pip."""
+"""Build gear_rattle_ros: the same executables with colcon and with plain pip."""
 
 from pathlib import Path
+import runpy
 import xml.etree.ElementTree as ElementTree
 
 from setuptools import Distribution, find_packages, setup
@@ -10,17 +11,8 @@ from distutils.command.install_data import install_data  # noqa: I100
 
 PACKAGE = 'gear_rattle_ros'
 
-# Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
-EXECUTABLES = {
-    'lyapunov': 'nodes.lyapunov',
-    'recorder': 'nodes.recorder',
-    'replay': 'nodes.replay',
-    'simulator': 'nodes.simulator',
-    'suite': 'nodes.suite',
-    'summary': 'offline.summary',
-    'transients': 'nodes.transients',
-    'viewer': 'nodes.viewer',
-}
+# The one table of executables; that module needs nothing but the standard library.
+EXECUTABLES = runpy.run_path(f'{PACKAGE}/start.py')['EXECUTABLES']
 
 # Started through the kernel by its full path, it hands over to pip's own script of that name,
 # which knows the environment's python; exec, so that a signal reaches the node itself.
@@ -137,9 +129,7 @@ setup(
         ],
     },
     entry_points={
-        'console_scripts': [
-            f'{name} = {PACKAGE}.{module}:main' for name, module in EXECUTABLES.items()
-        ],
+        'console_scripts': [f'{name} = {PACKAGE}.start:{name}' for name in EXECUTABLES],
     },
     distclass=Package,
     cmdclass={'install_data': InstallData},

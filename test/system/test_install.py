@@ -1,6 +1,5 @@
 """Both kinds of install are real ROS 2 packages, and their executables run."""
 
-import ast
 from collections.abc import Callable
 import os
 from pathlib import Path
@@ -18,6 +17,8 @@ import pytest
 from rclpy.node import Node
 import yaml
 
+from gear_rattle_ros.start import EXECUTABLES
+
 PACKAGE = 'gear_rattle_ros'
 ROOT = Path(__file__).parents[2]
 # They run until they are told to stop; the others want a bag first.
@@ -28,18 +29,9 @@ NODES: dict[str, list[str]] = {
     'transients': [],
     'viewer': ['--ros-args', '-p', 'mode:=none', '-p', 'save:=run.rrd'],
 }
-NEED_A_BAG = ('replay', 'summary')
+NEED_A_BAG = ('replay',)
 LEFT_OUT = shutil.ignore_patterns(
     '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'runs', 'figures')
-
-
-def executables() -> set[str]:
-    """Read the table of executables out of setup.py."""
-    for statement in ast.parse((ROOT / 'setup.py').read_text()).body:
-        match statement:
-            case ast.Assign(targets=[ast.Name('EXECUTABLES')], value=table):
-                return set(ast.literal_eval(table))
-    raise AssertionError('setup.py has no table EXECUTABLES')
 
 
 def run(command: list[str], **options: object) -> str:
@@ -118,7 +110,7 @@ def command(prefix: Path, name: str) -> list[str]:
 
 def test_table_has_the_suite() -> None:
     """The suite's executables are in the table."""
-    assert {*NODES, *NEED_A_BAG, 'suite'} <= executables()
+    assert {*NODES, *NEED_A_BAG, 'suite'} <= EXECUTABLES.keys()
 
 
 def test_ros_finds_the_package(index: Path) -> None:
@@ -136,7 +128,7 @@ def test_ros_finds_the_package(index: Path) -> None:
 def test_ros_finds_the_executables(prefix: Path) -> None:
     """lib/<package> holds exactly the executables, each with its run bit."""
     found = list((prefix / 'lib' / PACKAGE).iterdir())
-    assert {path.name for path in found} == executables()
+    assert {path.name for path in found} == EXECUTABLES.keys()
     assert all(path.is_file() and os.access(path, os.X_OK) for path in found)
 
 
@@ -207,4 +199,4 @@ def test_launch_files_name_executables(path: Path) -> None:
     nodes = [entry['node'] for entry in yaml.safe_load(path.read_text())['launch']
              if 'node' in entry]
     assert nodes
-    assert all(node['pkg'] == PACKAGE and node['exec'] in executables() for node in nodes)
+    assert all(node['pkg'] == PACKAGE and node['exec'] in EXECUTABLES for node in nodes)
