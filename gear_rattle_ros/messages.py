@@ -29,9 +29,9 @@ _FIELDS: Final = [
 
 
 def stamp_from_nanoseconds(nanoseconds: int) -> Time:
-    """Return a ROS time from nanoseconds since the epoch."""
+    """Return a ROS time from nanoseconds since the epoch; it wraps in 2038, as its seconds do."""
     seconds, rest = divmod(int(nanoseconds), 1_000_000_000)
-    return Time(sec=seconds, nanosec=rest)
+    return Time(sec=seconds % 2**31, nanosec=rest)
 
 
 def nanoseconds_from_stamp(stamp: Time) -> int:

@@ -276,7 +276,9 @@ def search_impact(d: float, d_stop: float, phase: float, s0: float, v0: float, a
         distance = at_least_zero(upper - moved if velocity > 0.0 else lower + moved)
         behind = at_least_zero(lower + moved if velocity > 0.0 else upper - moved)
         if d == 0.0 and velocity == 0.0 and (distance == 0.0 or behind == 0.0):
-            d = departure(sin_now, cos_now, force, alpha, beta, gamma)
+            # Off this wall for so long, and not at the other one yet.
+            d = min(departure(sin_now, cos_now, force, alpha, beta, gamma),
+                    reach(1.0, 0.0, bound))
             continue
         speed = abs(velocity)
         step = free_time(distance, speed, towards * force, bound, jerk_bound)
@@ -328,7 +330,8 @@ def release_delay(towards: float, phase: float, alpha: float, beta: float,
 
     """
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
-    if abs(gamma) >= amplitude:
+    # So close to never leaving, the speed gained is far below that at which it sticks again.
+    if abs(gamma) >= amplitude * (1.0 - 1e-12):
         return math.inf
     angle = math.asin(gamma / amplitude)
     if towards < 0.0:

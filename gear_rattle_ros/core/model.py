@@ -3,6 +3,7 @@
 import dataclasses
 import enum
 import math
+import numbers
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -75,7 +76,7 @@ def require_finite(name: str, value: float, low: float, high: float) -> float:
     """
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f'{name} = {value!r} is not a number') from error
     if not math.isfinite(number) or not low <= number <= high:
         raise ValueError(f'{name} = {number!r} is outside [{low:g}, {high:g}]')
@@ -215,13 +216,13 @@ class State:
 
     def __post_init__(self) -> None:
         """Validate and convert every field."""
-        if self.cycle < 0:
-            raise ValueError(f'cycle = {self.cycle!r} is negative')
+        if not isinstance(self.cycle, numbers.Integral) or self.cycle < 0:
+            raise ValueError(f'cycle = {self.cycle!r} is not a whole number from 0 on')
         below_two_pi = math.nextafter(2.0 * math.pi, 0.0)
         for name, low, high in (
             ('phase', 0.0, below_two_pi),
             ('displacement', -1.0, 0.0),
-            ('velocity', -VELOCITY_MAXIMUM, VELOCITY_MAXIMUM),
+            ('velocity', -math.inf, math.inf),
         ):
             object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
 

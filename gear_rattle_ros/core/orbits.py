@@ -20,7 +20,8 @@ LONGEST_ORBIT: Final = 64
 HOLD: Final = 200
 # A candidate that is still approaching is looked at again after so many impacts.
 PATIENCE: Final = 64
-HISTORY: Final = 4096
+# Impacts kept: a lifetime is counted back so far from where an orbit is recognised.
+HISTORY: Final = 65536
 # So much of the tolerance may be left of the approach.
 APPROACHED: Final = 0.25
 # Recurrences smaller than this are rounding [1].
@@ -42,7 +43,6 @@ WATCH: Final = np.dtype(
         ('impacts', np.int64),
         ('time', np.float64),
         ('locked', np.int64),
-        ('resting', np.int64),
         ('recurrences', np.int64, LONGEST_ORBIT + 1),
     ],
     align=True,
@@ -201,7 +201,6 @@ def restart(watch):  # type: ignore[no-untyped-def]
     """
     watch.impacts = 0
     watch.locked = 0
-    watch.resting = 0
     watch.recurrences[:] = 0
 
 
@@ -264,7 +263,6 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
                 w.recurrences[q] = 0
         if event.kind == STICK and rests_for_ever(event):
             w.locked = 0
-            w.resting = 1
             return i + 1, RESTED, 0
         if w.locked > 0:
             if w.recurrences[w.locked] == 0:
@@ -374,7 +372,6 @@ class TransientDetector:
         return self._rest() if rests_for_ever(self._last[0]) else self._report
 
     def _rest(self) -> TransientReport:
-        self._watch[0]['resting'] = 1
         self._report = TransientReport(
             Regime.REST, epoch=self._report.epoch, index=self._index(), start=self._report.start,
             lifetime=self.impacts)

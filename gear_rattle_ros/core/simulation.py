@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import numbers
 from typing import Final
 
 import numpy as np
@@ -304,8 +305,9 @@ class Simulation:
 
     @seed.setter
     def seed(self, value: int) -> None:
-        if not 0 <= value <= SEED_MAXIMUM:
-            raise ValueError(f'seed = {value!r} is outside [0, {SEED_MAXIMUM}]')
+        if not isinstance(value, numbers.Integral) or not 0 <= value <= SEED_MAXIMUM:
+            raise ValueError(
+                f'seed = {value!r} is not a whole number from 0 to {SEED_MAXIMUM}')
         self._trajectory[0]['seed'] = value
 
     @property
@@ -362,6 +364,8 @@ class Simulation:
         """
         if most < 1:
             raise ValueError(f'most = {most!r} must be positive')
+        if not 0.0 <= phase < TWO_PI:
+            raise ValueError(f'phase = {phase!r} is outside [0, 2 pi)')
         if (cycle, phase) < (self._cycle, self._phase):
             raise ValueError(
                 f'cycle {cycle}, phase {phase!r} lies before the present, cycle {self._cycle}, '

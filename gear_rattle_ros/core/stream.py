@@ -87,9 +87,11 @@ class StreamGuard:
         before, after = chain[:-1], chain[1:]
         counted = after['kind'] <= EventKind.STICK
         begins = after['kind'] >= EventKind.RETUNE
+        # A mass that sticks hits nothing before it is released.
+        lone = (before['kind'] == EventKind.STICK) & counted
         expected = before['index'] + counted.astype(np.uint32)
         jump = (after['index'] - expected).astype(np.int32)
-        follows[first:] = (jump == 0) & (
+        follows[first:] = (jump == 0) & ~lone & (
             after['epoch'] == before['epoch'] + begins.astype(np.uint32))
         pieces = []
         cuts = [0, *(int(i) for i in np.flatnonzero(~follows) if i > 0), len(events)]
