@@ -20,6 +20,7 @@ VELOCITY_WINDOW: Final = 2000
 GROUND: Final = (18, 20, 26)
 FRAME: Final = 0x8A8F98FF
 FAINT: Final = 0x4A4F58FF
+LABEL: Final = 0xE4E7ECFF
 BRIGHT: Final = 0xFFFFFFFF
 MOTION: Final = 0x6CC5FFFF
 WALL: Final = 0xE0A040FF
@@ -72,8 +73,8 @@ def section_axes() -> list[Logged]:
             inner, radii=rr.Radius.ui_points(0.4), colors=FAINT, draw_order=0.0)),
         ('section/phase', rr.Points2D(
             ticks, labels=['0', 'π/2', 'π', '3π/2', '2π'], show_labels=True, radii=0.0,
-            colors=FRAME)),
-        ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=FRAME, show_labels=True)),
+            colors=LABEL)),
+        ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=LABEL, show_labels=True)),
         ('section/plane/impacts', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(1.3), draw_order=30.0)),
         ('section/plane/newest', rr.Points2D.from_fields(
@@ -99,10 +100,10 @@ def flight_axes() -> list[Logged]:
             radii=rr.Radius.ui_points(1.0), colors=MOTION, draw_order=30.0)),
         ('flight/tau', rr.Points2D(
             ticks, labels=[f'{x}'.replace('-', '−') for x in range(first, last + 1)],
-            show_labels=True, radii=0.0, colors=FRAME)),
+            show_labels=True, radii=0.0, colors=LABEL)),
         ('flight/walls', rr.Points2D(
-            [(edge, -0.1), (edge, 0.9)], labels=['s = 0', 's = −1'],
-            show_labels=True, radii=0.0, colors=WALL)),
+            [(edge, -0.1), (edge, 0.75)], labels=['s = 0', 's = −1'],
+            show_labels=True, radii=0.0, colors=LABEL)),
     ]
 
 

@@ -20,6 +20,8 @@ ROW = np.dtype([
     ('velocity', np.float64),
     ('alpha', np.float64),
 ])
+# The counters of the two axes.
+AXES = ('index', 'cycle')
 RowArray = npt.NDArray[np.void]
 
 
@@ -89,14 +91,14 @@ class Recent:
         events = piece.events
         last, first, before = events[-1].copy(), events[0], self.now
         if before is None:
-            impact, cycle = int(last['index']), int(last['cycle'])
+            impact, cycle = (int(first[name]) + ahead(last, first, name) for name in AXES)
         elif piece.reason == 'restart':
             # A new simulator counts from 0; the axes go on from where they are.
-            impact = before.impact + 1 + int(last['index'] - first['index'])
-            cycle = before.cycle + 1 + int(last['cycle'] - first['cycle'])
+            impact = before.impact + 1 + ahead(last, first, 'index')
+            cycle = before.cycle + 1 + ahead(last, first, 'cycle')
         else:
-            impact = before.impact + int(last['index'] - before.event['index'])
-            cycle = before.cycle + int(last['cycle'] - before.event['cycle'])
+            impact = before.impact + ahead(last, before.event, 'index')
+            cycle = before.cycle + ahead(last, before.event, 'cycle')
         self.now = Now(impact, cycle, self.seen + len(events), last)
         kinds = events['kind']
         impacts = int(np.count_nonzero(kinds <= EventKind.STICK))
@@ -123,6 +125,11 @@ class Recent:
         whole = [] if breaks else [self._whole]
         self._whole = np.concatenate([*whole, *(part[0] for part in since)])[-self._most:]
         self._parts, self._waiting = [], 0
+
+
+def ahead(event: np.void, before: np.void, name: str) -> int:
+    """Return how far a counter modulo 2^32 has gone from one event to another."""
+    return (int(event[name]) - int(before[name])) % 2**32
 
 
 def rows_of(events: EventArray, now: Now) -> RowArray:

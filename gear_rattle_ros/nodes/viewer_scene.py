@@ -34,7 +34,7 @@ CHANGES_MOST: Final = 100
 ESTIMATES_MOST: Final = 20
 # Drawn so often [s], and the age of a file from which on it is drawn to less and less often.
 INTERVAL: Final = 0.2
-FULL_DETAIL: Final = 300.0
+FULL_DETAIL: Final = 120.0
 # The running exponent says nothing before so many impacts.
 IMPACTS_LEAST: Final = 30
 FLIGHT_STEP: Final = TWO_PI / 48.0
@@ -111,6 +111,8 @@ class Scene:
             self._document = document
             self._send('state', recent.now, rr.TextDocument.columns(
                 text=[document], media_type=['text/markdown']))
+        # Begun, not waited for: what a killed viewer leaves in its file ends here.
+        self._recording.flush(timeout_sec=0.0)
 
     def say(self, text: str, level: str, now: Now | None) -> None:
         """Log a line of text."""
