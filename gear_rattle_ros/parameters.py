@@ -131,6 +131,8 @@ REPLAY: Final = (
                   1e12, read_only=True),
     Specification('loop', False, 'begin again at the end', '', read_only=True),
     Specification('clock', False, 'publish the recorded time on /clock', '', read_only=True),
+    Specification('topics', '', 'names divided by blanks; empty = all but /diagnostics and '
+                  '/parameter_events', '', read_only=True),
 )
 VIEWER: Final = (
     Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '

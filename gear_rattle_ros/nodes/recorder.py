@@ -38,6 +38,7 @@ _TOPICS: Final = (
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
     ('/clock', Clock, CLOCK),
 )
+_UNCOUNTED: Final = ('/diagnostics', '/parameter_events', '/clock')
 # Messages taken at one go, as going through the executor costs more than taking them.
 _MOST: Final = 64
 
@@ -57,7 +58,8 @@ class _Source:
         self._topic: Topic | None = None
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
-        self._counts = qos.reliability == ReliabilityPolicy.RELIABLE
+        # Where many publish or messages may be dropped, gaps in the counting mean nothing.
+        self._is_counted = name not in _UNCOUNTED
         self.name = self._subscription.topic_name
 
     def topic(self) -> Topic:
@@ -96,8 +98,7 @@ class _Source:
         if number is not None:
             jump = 0 if self._last is None else number - self._last - 1
             self._last = number
-            # The numbers of several publishers cannot be told apart.
-            if self._counts and jump > 0 and self._subscription.get_publisher_count() == 1:
+            if self._is_counted and jump > 0:
                 self.lost += jump
         self._take(self, data, info)
 

@@ -1,0 +1,149 @@
+"""The replay's other thread: sends a bag's messages when they are due and readers keep up."""
+
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+import threading
+import time
+from typing import Final
+
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+
+from ..bags import Bag
+from .pacing import PATIENCE
+
+# Messages a publisher keeps and sends before all of them must be acknowledged. Fast DDS asks for
+# acknowledgements when so small a history is full; with a larger one, small messages wait up to
+# 3 s for it.
+WINDOW: Final = 64
+# Readers are waited for until nothing has changed for so long ...
+_SETTLED: Final = 1.0
+# ... at most for so long while there is none, and for so long in any case [s].
+_NOBODY: Final = 3.0
+_LONGEST: Final = 10.0
+# The clock's step, in wall time or where that is not followed in recorded time [s].
+_CLOCK_STEP: Final = 0.01
+_AT_ONCE: Final = Duration(nanoseconds=0)
+
+
+@dataclasses.dataclass
+class Output:
+    """A publisher, and how many messages it may send before all of them are acknowledged."""
+
+    publisher: Publisher
+    window: int
+    waiting: int = 0
+
+    def send(self, data: bytes) -> None:
+        """Publish a serialized message."""
+        if self.waiting and self.publisher.wait_for_all_acked(_AT_ONCE):
+            self.waiting = 0
+        self.publisher.publish(data)
+        self.waiting += 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Span:
+    """What to play, in log time [ns], and how: `speed` 0 = as fast as the readers keep up."""
+
+    start: int
+    end: int
+    speed: float
+    is_looped: bool
+
+
+class Playing:
+    """Plays a bag in a thread of its own; a failure is a text for the user."""
+
+    def __init__(self, bag: Bag, outputs: Mapping[str, Output], span: Span,
+                 tick: Callable[[int], None] | None) -> None:
+        self.messages = 0
+        self.rounds = 0
+        self.position = span.start
+        self.state = 'waiting for readers'
+        self.failure = ''
+        self.is_over = False
+        self._bag = bag
+        self._outputs = outputs
+        self._span = span
+        self._tick = tick
+        self._ticked = 0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='playing', daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop, between two messages."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._await_readers()
+            while not self._stop.is_set():
+                self.state = 'playing'
+                self._play()
+                self._await_acknowledgements(list(self._outputs.values()))
+                if self._stop.is_set():
+                    break
+                self.rounds += 1
+                if not self._span.is_looped:
+                    break
+        except Exception as error:
+            # A bag may prove damaged only half-way through.
+            self.failure = str(error) or type(error).__name__
+        self.is_over = True
+
+    def _await_readers(self) -> None:
+        begin = since = time.monotonic()
+        before: list[int] = []
+        while not self._stop.wait(0.02):
+            now = time.monotonic()
+            counts = [output.publisher.get_subscription_count()
+                      for output in self._outputs.values()]
+            if counts != before:
+                before, since = counts, now
+            if now >= begin + _LONGEST or now >= since + (_SETTLED if any(counts) else _NOBODY):
+                return
+
+    def _play(self) -> None:
+        span = self._span
+        begin = time.monotonic()
+        self._ticked = 0
+        for message in self._bag.messages(list(self._outputs), span.start, span.end):
+            if span.speed:
+                self._sleep(begin, message.log_time)
+            if self._stop.is_set():
+                return
+            self.position = message.log_time
+            self._show(message.log_time)
+            output = self._outputs[message.topic]
+            output.send(message.data)
+            self.messages += 1
+            if output.waiting >= output.window:
+                self._await_acknowledgements([output])
+
+    def _sleep(self, begin: float, log_time: int) -> None:
+        """Wait until a message is due, with the clock running on."""
+        span = self._span
+        due = begin + (log_time - span.start) / 1e9 / span.speed
+        while (left := due - time.monotonic()) > 0:
+            if self._stop.wait(left if self._tick is None else min(left, _CLOCK_STEP)):
+                return
+            now = min(time.monotonic(), due)
+            self._show(span.start + round((now - begin) * span.speed * 1e9))
+
+    def _show(self, log_time: int) -> None:
+        step = _CLOCK_STEP * (self._span.speed or 1.0) * 1e9
+        if self._tick is not None and log_time >= self._ticked + step:
+            self._ticked = log_time
+            self._tick(log_time)
+
+    def _await_acknowledgements(self, outputs: Sequence[Output]) -> None:
+        for output in outputs:
+            while not self._stop.is_set():
+                if output.publisher.wait_for_all_acked(PATIENCE):
+                    break
+                self.state = 'waiting for readers'
+            output.waiting = 0
+        self.state = 'playing'
