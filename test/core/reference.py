@@ -1,0 +1,55 @@
+"""The paper's formulas in mpmath, written independently of the package: what tests compare with."""
+
+from collections.abc import Callable, Iterator
+import dataclasses
+
+import mpmath as mp
+
+DIGITS = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class Flight:
+    """Equations (4)-(5) for one flight, all in mpmath; limits at beta = 0 are taken by hand."""
+
+    phase: float
+    displacement: float
+    velocity: float
+    alpha: float
+    beta: float
+    gamma: float
+
+    def displacement_at(self, d: mp.mpf) -> mp.mpf:
+        """Return s(tau0 + d)."""
+        p, v, a, b, g = (mp.mpf(x) for x in (
+            self.phase, self.velocity, self.alpha, self.beta, self.gamma))
+        drive = a * (mp.sin(p + d) - mp.sin(p))
+        w = v - a * mp.cos(p)
+        if b == 0:
+            return mp.mpf(self.displacement) + drive + w * d + g * d * d / 2
+        fall = -mp.expm1(-b * d) / b
+        return mp.mpf(self.displacement) + drive + g / b * d + fall * (w - g / b)
+
+    def velocity_at(self, d: mp.mpf) -> mp.mpf:
+        """Return s'(tau0 + d)."""
+        p, v, a, b, g = (mp.mpf(x) for x in (
+            self.phase, self.velocity, self.alpha, self.beta, self.gamma))
+        w = v - a * mp.cos(p)
+        if b == 0:
+            return a * mp.cos(p + d) + w + g * d
+        return a * mp.cos(p + d) + (w - g / b) * mp.exp(-b * d) + g / b
+
+    def acceleration_at(self, d: mp.mpf) -> mp.mpf:
+        """Return s''(tau0 + d) by the differential equation."""
+        tau = mp.mpf(self.phase) + d
+        a, b = mp.mpf(self.alpha), mp.mpf(self.beta)
+        return -a * mp.sin(tau) + a * b * mp.cos(tau) + self.gamma - b * self.velocity_at(d)
+
+
+def roots(function: Callable[[mp.mpf], mp.mpf], times: list[float]) -> Iterator[mp.mpf]:
+    """Yield the roots between times at which the function changes sign, in order."""
+    values = [function(mp.mpf(t)) for t in times]
+    for t0, t1, f0, f1 in zip(times[:-1], times[1:], values[:-1], values[1:], strict=True):
+        if f0 * f1 < 0:
+            yield mp.findroot(lambda t: function(t), (t0, t1), solver='anderson', tol=mp.mpf(10)**(-80),
+                              verify=False)

@@ -1,0 +1,99 @@
+"""Elementary functions against 60-digit mpmath, in units of the last place."""
+
+from collections.abc import Iterator
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.elementary import (
+    exp_minus, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL)
+
+
+def ulps(value: float, exact: mp.mpf) -> float:
+    """Return the error in units of the last place of the exact value."""
+    return float(abs(mp.mpf(value) - exact) / math.ulp(float(exact)))
+
+
+@pytest.fixture(autouse=True)
+def _digits() -> Iterator[None]:
+    with mp.workdps(60):
+        yield
+
+
+def sample(low: float, high: float, count: int = 400) -> np.ndarray:
+    """Return numbers of all magnitudes between two positive ones."""
+    rng = np.random.default_rng(2001)
+    return np.exp(rng.uniform(math.log(low), math.log(high), count))
+
+
+def test_two_pi_in_two_pieces() -> None:
+    """The tail of 2 pi is what the double lacks."""
+    assert TWO_PI_TAIL == float(2 * mp.pi - mp.mpf(TWO_PI))
+
+
+def test_sine_and_cosine_within_an_ulp() -> None:
+    """Sine and cosine are good to an ulp of themselves where flights need them."""
+    for x in np.concatenate([sample(1e-12, 2e2), -sample(1e-12, 2e2, 50)]):
+        sine, cosine = sine_cosine(float(x))
+        assert ulps(sine, mp.sin(mp.mpf(float(x)))) < 1.5
+        assert ulps(cosine, mp.cos(mp.mpf(float(x)))) < 1.5
+
+
+@pytest.mark.parametrize('k', [1, 2, 3, 4, 5, 100, 255, 65535, 600000])
+def test_sine_and_cosine_beside_multiples_of_half_pi(k: int) -> None:
+    """Next to its zeros a function keeps an absolute accuracy of an ulp of one."""
+    near = float(k * mp.pi / 2)
+    for x in (near, math.nextafter(near, 0.0), math.nextafter(near, 1e9), near + 1e-9):
+        sine, cosine = sine_cosine(x)
+        assert abs(sine - mp.sin(mp.mpf(x))) < 2.3e-16
+        assert abs(cosine - mp.cos(mp.mpf(x))) < 2.3e-16
+        if k < 256:
+            assert ulps(sine, mp.sin(mp.mpf(x))) < 2.0
+            assert ulps(cosine, mp.cos(mp.mpf(x))) < 2.0
+
+
+def test_sine_less_argument_does_not_cancel() -> None:
+    """sin d - d is good to ulps of itself for small d."""
+    for d in sample(1e-9, 20.0):
+        value = sine_defect(float(d), sine_cosine(float(d))[0])
+        assert ulps(value, mp.sin(mp.mpf(float(d))) - mp.mpf(float(d))) < 4.0
+
+
+def test_decaying_exponential() -> None:
+    """exp(-x) is good to an ulp down to the subnormals, and then zero."""
+    for x in sample(1e-12, 708.0):
+        assert ulps(exp_minus(float(x)), mp.exp(-mp.mpf(float(x)))) < 1.5
+    assert exp_minus(0.0) == 1.0
+    assert exp_minus(744.0) == pytest.approx(float(mp.exp(-744)), abs=5e-324)
+    assert exp_minus(747.0) == exp_minus(1e300) == exp_minus(math.inf) == 0.0
+
+
+def test_relaxation_functions_of_every_damping() -> None:
+    """E, B and C are good to a few ulp, from no damping that is felt to all of it."""
+    rng = np.random.default_rng(9)
+    durations = sample(1e-9, 400.0, 300)
+    dampings = np.concatenate([sample(1e-18, 100.0, 280), rng.uniform(0.09, 0.11, 20)])
+    for d, beta in zip(durations, dampings, strict=True):
+        x, b = mp.mpf(float(d)), mp.mpf(float(beta))
+        fall = -mp.expm1(-b * x) / b
+        decay, integral, second = relaxation(float(d), float(beta))
+        allowed = 1.5 + float(b * x)  # A rounded exponent beta d is worth so much.
+        assert ulps(decay, mp.exp(-b * x)) < allowed
+        assert ulps(integral, fall) < 3.0
+        assert ulps(second, (x - fall) / b) < 8.0
+
+
+@pytest.mark.parametrize('d', [0.0, 1e-300, 1e-9, 0.7, 300.0])
+@pytest.mark.parametrize('beta', [0.0, 5e-324, 1e-300, 1e-30])
+def test_relaxation_without_damping(d: float, beta: float) -> None:
+    """At beta = 0 the motion is that of a constant force: 1, d, d^2/2."""
+    assert relaxation(d, beta) == (1.0, d, d * d * 0.5)
+
+
+def test_relaxation_is_continuous_where_its_formula_changes() -> None:
+    """The series below beta d = 1 joins the closed form above it."""
+    below = relaxation(math.nextafter(10.0, 0.0), 0.1)
+    above = relaxation(10.0, 0.1)
+    assert np.allclose(below, above, rtol=2e-15, atol=0.0)
