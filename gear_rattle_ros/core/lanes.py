@@ -1,0 +1,386 @@
+"""
+Many trajectories at once, one lane of a tile each.
+
+A consumer, itself a kernel, keeps a tile per thread::
+
+    following = refill(tile, starts, 0, math.inf)
+    while following < len(starts) or is_busy(tile):
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            # ... look at impacts[i, :tile.count[i]], tile.end[i], tile.left[i] ...
+            # ... write the answer for start number tile.start[i], then:
+            release(tile, i)
+        following = refill(tile, starts, following, math.inf)
+
+Lanes do not wait for each other: after `advance` every lane has made as many impacts as it had
+time for. A lane's impacts depend on its start alone, not on the tile, the neighbours or the cuts.
+"""
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from .compiled import kernel
+from .elementary import sine_cosine
+from .flight import (
+    acceleration,
+    departure,
+    displace,
+    is_pressed,
+    later,
+    LEG,
+    LEG_PERIODS,
+    rebound,
+    release_delay,
+)
+from .lanes_step import LANES, step, TILE
+from .model import STICKING_SPEED
+
+# In place of the number of a start: the lane is free.
+EMPTY: Final = -1
+# Why a trajectory has ended: not yet; at rest on a wall for ever; between the walls for ever.
+RUNS: Final = 0
+RESTS: Final = 1
+FLOATS: Final = 2
+
+# Initial state and parameters of a trajectory.
+START: Final = np.dtype(
+    [
+        ('phase', np.float64),
+        ('displacement', np.float64),
+        ('velocity', np.float64),
+        ('alpha', np.float64),
+        ('beta', np.float64),
+        ('gamma', np.float64),
+        ('restitution', np.float64),
+    ],
+    align=True,
+)
+# One impact: whole drive periods and phase [rad], and the velocity just before it [1], whose sign,
+# also that of a zero, tells the wall: positive for the upper.
+IMPACT: Final = np.dtype(
+    [('cycle', np.int64), ('phase', np.float64), ('velocity', np.float64)], align=True
+)
+
+LaneArray: TypeAlias = npt.NDArray[np.void]
+
+
+def new_tiles(count: int) -> LaneArray:
+    """
+    Make tiles with every lane free.
+
+    Parameters
+    ----------
+    count : int
+        How many, one for each thread.
+
+    Returns
+    -------
+    ndarray of TILE, shape (count,)
+        The tiles; the kernels take one record of it.
+
+    """
+    tiles = np.zeros(count, TILE)
+    tiles['start'] = EMPTY
+    return tiles
+
+
+def new_impacts(steps: int) -> LaneArray:
+    """
+    Make room for the impacts of a tile.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of one call of `advance`; an impact takes between three and four.
+
+    Returns
+    -------
+    ndarray of IMPACT, shape (LANES, steps + 1)
+        A row for each lane.
+
+    """
+    return np.zeros((LANES, steps + 1), IMPACT)
+
+
+@kernel
+def evaluate(tile, i):  # type: ignore[no-untyped-def]
+    """
+    Evaluate the flight of a lane at the duration up to which it is known.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place.
+    i : int
+        The lane.
+
+    """
+    sine, cosine = sine_cosine(tile.phase[i])
+    tile.sine[i] = sine
+    tile.cosine[i] = cosine
+    moved, velocity, sine_now, cosine_now = displace(
+        tile.duration[i], sine, cosine, tile.velocity[i], tile.alpha[i], tile.beta[i],
+        tile.gamma[i])
+    tile.moved[i] = moved
+    tile.velocity_now[i] = velocity
+    tile.sine_now[i] = sine_now
+    tile.cosine_now[i] = cosine_now
+
+
+@kernel
+def settle(tile, i):  # type: ignore[no-untyped-def]
+    """
+    See a lane off whose flight begins: it may rest on a wall first, or for ever.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place; the flight of the lane begins, its duration is zero.
+    i : int
+        The lane.
+
+    """
+    on_upper = tile.displacement[i] == 0.0
+    at_rest = tile.velocity[i] == 0.0 and (on_upper or tile.displacement[i] == -1.0)
+    # A lane that is parked keeps its state at the impact, for it may go on with other parameters.
+    if at_rest and tile.left[i] > 0.0:
+        towards = 1.0 if on_upper else -1.0
+        alpha = tile.alpha[i]
+        beta = tile.beta[i]
+        gamma = tile.gamma[i]
+        sine, cosine = sine_cosine(tile.phase[i])
+        if is_pressed(towards, sine, cosine, alpha, beta, gamma):
+            delay = release_delay(towards, tile.phase[i], alpha, beta, gamma)
+            if delay == math.inf:
+                tile.end[i] = RESTS
+                tile.left[i] = 0.0
+                delay = 0.0
+            periods, tile.phase[i] = later(tile.phase[i], delay)
+            tile.cycle[i] += periods
+            sine, cosine = sine_cosine(tile.phase[i])
+        if tile.end[i] == RUNS:
+            force = acceleration(sine, cosine, 0.0, alpha, beta, gamma)
+            tile.duration[i] = departure(sine, cosine, force, alpha, beta, gamma)
+    evaluate(tile, i)
+
+
+@kernel
+def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[no-untyped-def]
+    """
+    Begin a flight in a lane, with the parameters that stand in it.
+
+    To go on with a parked lane, give it the state in which it stands.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place.
+    i : int
+        The lane.
+    cycle, phase, displacement, velocity : int, float, float, float
+        The state [1, rad, 1, 1]; the displacement is between the walls.
+    left : float
+        Impacts to be made before the lane parks; inf for no limit.
+
+    """
+    tile.cycle[i] = cycle
+    tile.phase[i] = phase
+    tile.displacement[i] = displacement
+    tile.velocity[i] = velocity
+    tile.duration[i] = 0.0
+    tile.left[i] = left
+    tile.end[i] = RUNS
+    settle(tile, i)
+
+
+@kernel
+def release(tile, i):  # type: ignore[no-untyped-def]
+    """
+    Free a lane whose trajectory is done with.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place.
+    i : int
+        The lane.
+
+    """
+    tile.start[i] = EMPTY
+    tile.left[i] = 0.0
+
+
+@kernel
+def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
+    """
+    Put the next starts into the free lanes.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place.
+    starts : ndarray of START
+        All starts of this tile.
+    following : int
+        The first start that has not been given to a lane.
+    left : float
+        Impacts to be made before a lane parks; inf for no limit.
+
+    Returns
+    -------
+    int
+        `following` after that; every start is given out once, in order.
+
+    """
+    for i in range(LANES):
+        if following == len(starts):
+            break
+        if tile.start[i] != EMPTY:
+            continue
+        start = starts[following]
+        tile.start[i] = following
+        tile.alpha[i] = start.alpha
+        tile.beta[i] = start.beta
+        tile.gamma[i] = start.gamma
+        tile.restitution[i] = start.restitution
+        begin(tile, i, 0, start.phase, start.displacement, start.velocity, left)
+        following += 1
+    return following
+
+
+@kernel
+def is_busy(tile):  # type: ignore[no-untyped-def]
+    """
+    Tell whether any lane carries a start.
+
+    Parameters
+    ----------
+    tile : TILE record
+        The tile.
+
+    Returns
+    -------
+    bool
+        Whether it does; the lane may have parked or ended.
+
+    """
+    for i in range(LANES):
+        if tile.start[i] != EMPTY:
+            return True
+    return False
+
+
+@kernel
+def floats(tile, i):  # type: ignore[no-untyped-def]
+    """
+    Tell whether the flight that begins in a lane certainly never meets a wall.
+
+    Parameters
+    ----------
+    tile : TILE record
+        The tile.
+    i : int
+        The lane.
+
+    Returns
+    -------
+    bool
+        Whether the drive and the rest of the free motion both end between the walls.
+
+    """
+    if tile.gamma[i] != 0.0:
+        return False
+    alpha = tile.alpha[i]
+    sine, cosine = sine_cosine(tile.phase[i])
+    drift = tile.velocity[i] - alpha * cosine
+    if drift != 0.0:
+        drift /= tile.beta[i]
+    middle = tile.displacement[i] - alpha * sine
+    return (middle + alpha + max(drift, 0.0) < 0.0
+            and middle - alpha + min(drift, 0.0) > -1.0)
+
+
+@kernel
+def attend(tile, i):  # type: ignore[no-untyped-def]
+    """
+    Do for a lane what the vector loop leaves out.
+
+    That is sticking and grazing, flights of ``beta d >= 1``, and flights so long that they are
+    continued from a fresh start.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Just after `step`; changed in place.
+    i : int
+        The lane.
+
+    """
+    if tile.has_hit[i] != 0:
+        if abs(tile.velocity[i]) < STICKING_SPEED:
+            tile.velocity[i] = rebound(
+                tile.impact_velocity[i], 1.0 if tile.displacement[i] == 0.0 else -1.0,
+                tile.phase[i], tile.alpha[i], tile.beta[i], tile.gamma[i], tile.restitution[i],
+                0.0)
+            settle(tile, i)
+        return
+    if tile.duration[i] >= LEG:
+        moved, tile.velocity[i], _, _ = displace(
+            LEG, tile.sine[i], tile.cosine[i], tile.velocity[i], tile.alpha[i], tile.beta[i],
+            tile.gamma[i])
+        tile.displacement[i] = min(max(tile.displacement[i] + moved, -1.0), 0.0)
+        tile.cycle[i] += LEG_PERIODS
+        tile.duration[i] = 0.0
+        if floats(tile, i):
+            tile.end[i] = FLOATS
+            tile.left[i] = 0.0
+    evaluate(tile, i)
+
+
+@kernel
+def advance(tile, impacts, steps):  # type: ignore[no-untyped-def]
+    """
+    Take every lane of a tile a number of steps forward.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place; `count` tells how many impacts every lane has made in this call. A lane
+        stops for good when its trajectory ends (`end`), and parks just after the impact with
+        which it has none `left`.
+    impacts : ndarray of IMPACT, shape (LANES, room)
+        Receives them, a row for each lane; `room` is more than `steps`, or 0 to write nothing.
+    steps : int
+        How many steps; each is an impact at the most.
+
+    Raises
+    ------
+    ValueError
+        If there is no room.
+
+    """
+    room = impacts.shape[1]
+    if impacts.shape[0] != LANES or 0 < room <= steps:
+        raise ValueError('no room for the impacts')
+    for i in range(LANES):
+        tile.count[i] = 0
+    for _ in range(steps):
+        special = step(tile)
+        if room > 0:
+            for i in range(LANES):
+                # Written whether there is one or not: cheaper than to ask.
+                impact = impacts[i, tile.count[i]]
+                impact.cycle = tile.cycle[i]
+                impact.phase = tile.phase[i]
+                impact.velocity = tile.impact_velocity[i]
+                tile.count[i] += tile.has_hit[i]
+        else:
+            for i in range(LANES):
+                tile.count[i] += tile.has_hit[i]
+        if special > 0:
+            for i in range(LANES):
+                if tile.is_special[i] != 0:
+                    attend(tile, i)
