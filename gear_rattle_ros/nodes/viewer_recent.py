@@ -1,15 +1,12 @@
-"""The newest part of the stream, on axes that never go back: what there is to draw."""
-
-import dataclasses
-import math
+"""The newest part of the stream: what there is to draw."""
 
 import numpy as np
 import numpy.typing as npt
 
-from ..core.model import EVENT, EventArray, EventKind
+from ..core.axes import advanced, drive_times, impact_numbers, Place
+from ..core.model import EVENT, EventArray, EventKind, impact_count
 from ..core.stream import Piece, StreamGuard
 
-TWO_PI = 2.0 * math.pi
 # An event, its place on both axes, and how many events were seen up to it.
 ROW = np.dtype([
     ('seen', np.int64),
@@ -20,24 +17,7 @@ ROW = np.dtype([
     ('velocity', np.float64),
     ('alpha', np.float64),
 ])
-# The counters of the two axes.
-AXES = ('index', 'cycle')
 RowArray = npt.NDArray[np.void]
-
-
-@dataclasses.dataclass(frozen=True)
-class Now:
-    """Where the stream stands: numbers that go on counting over restarts of the simulator."""
-
-    impact: int
-    cycle: int
-    seen: int
-    event: np.void
-
-    @property
-    def drive_time(self) -> float:
-        """Drive periods."""
-        return self.cycle + float(self.event['phase']) / TWO_PI
 
 
 class Recent:
@@ -46,19 +26,15 @@ class Recent:
     def __init__(self, most: int) -> None:
         self.guard = StreamGuard()
         self.impacts = 0
-        self.now: Now | None = None
+        self.seen = 0
+        self.now: Place | None = None
         self._most = most
-        # What has come in since the last look: stretches, and whether they follow.
-        self._parts: list[tuple[EventArray, Now, bool]] = []
+        # What has come in since the last look: rows of it, and whether it follows.
+        self._parts: list[tuple[EventArray, Place, int, bool]] = []
         self._waiting = 0
         self._rows = np.empty(0, ROW)
         self._changes = np.empty(0, ROW)
         self._whole = np.empty(0, EVENT)
-
-    @property
-    def seen(self) -> int:
-        """Events so far."""
-        return 0 if self.now is None else self.now.seen
 
     def take(self, events: EventArray) -> None:
         """Take the next batch; it costs little, as the rest is done when it is looked at."""
@@ -89,56 +65,42 @@ class Recent:
 
     def _take_piece(self, piece: Piece) -> None:
         events = piece.events
-        last, first, before = events[-1].copy(), events[0], self.now
-        if before is None:
-            impact, cycle = (int(first[name]) + ahead(last, first, name) for name in AXES)
-        elif piece.reason == 'restart':
-            # A new simulator counts from 0; the axes go on from where they are.
-            impact = before.impact + 1 + ahead(last, first, 'index')
-            cycle = before.cycle + 1 + ahead(last, first, 'cycle')
-        else:
-            impact = before.impact + ahead(last, before.event, 'index')
-            cycle = before.cycle + ahead(last, before.event, 'cycle')
-        self.now = Now(impact, cycle, self.seen + len(events), last)
-        kinds = events['kind']
-        impacts = int(np.count_nonzero(kinds <= EventKind.STICK))
+        self.now = advanced(self.now, piece)
+        self.seen += len(events)
+        impacts = impact_count(events)
         self.impacts += impacts
         if impacts < len(events):
-            places = np.flatnonzero(kinds >= EventKind.RETUNE)[-self._most:]
-            rows = rows_of(events[places], self.now)
-            rows['seen'] = self.now.seen - len(events) + 1 + places
+            places = np.flatnonzero(events['kind'] >= EventKind.RETUNE)[-self._most:]
+            seen = self.seen - len(events) + 1 + places
+            rows = rows_of(events[places], self.now, seen)
             self._changes = np.concatenate([self._changes, rows])[-self._most:]
-        self._parts.append((events[-self._most:].copy(), self.now, piece.follows))
-        self._waiting += len(self._parts[-1][0])
+        tail = events[-self._most:].copy()
+        self._parts.append((tail, self.now, self.seen, piece.follows))
+        self._waiting += len(tail)
         while self._waiting - len(self._parts[0][0]) >= self._most:
             self._waiting -= len(self._parts.pop(0)[0])
             # What is left no longer follows from what is kept.
-            self._parts[0] = (*self._parts[0][:2], False)
+            self._parts[0] = (*self._parts[0][:3], False)
 
     def _look(self) -> None:
         if not self._parts:
             return
-        rows = [rows_of(events, now) for events, now, _ in self._parts]
+        rows = [rows_of(events, place, np.arange(seen - len(events), seen) + 1)
+                for events, place, seen, _ in self._parts]
         self._rows = np.concatenate([self._rows, *rows])[-self._most:]
-        breaks = [i for i, part in enumerate(self._parts) if not part[2]]
+        breaks = [i for i, part in enumerate(self._parts) if not part[3]]
         since = self._parts[breaks[-1] if breaks else 0:]
         whole = [] if breaks else [self._whole]
         self._whole = np.concatenate([*whole, *(part[0] for part in since)])[-self._most:]
         self._parts, self._waiting = [], 0
 
 
-def ahead(event: np.void, before: np.void, name: str) -> int:
-    """Return how far a counter modulo 2^32 has gone from one event to another."""
-    return (int(event[name]) - int(before[name])) % 2**32
-
-
-def rows_of(events: EventArray, now: Now) -> RowArray:
-    """Return the rows of events of which the last, or one after it, stands at a moment."""
+def rows_of(events: EventArray, place: Place, seen: npt.NDArray[np.int64]) -> RowArray:
+    """Return the rows of events that lead up to a place."""
     rows = np.empty(len(events), ROW)
-    rows['seen'] = now.seen - np.arange(len(events))[::-1]
-    rows['impact'] = now.impact - (now.event['index'] - events['index']).astype(np.int64)
-    cycles = now.cycle - (now.event['cycle'] - events['cycle']).astype(np.int64)
-    rows['drive_time'] = cycles + events['phase'] / TWO_PI
+    rows['seen'] = seen
+    rows['impact'] = impact_numbers(events, place)
+    rows['drive_time'] = drive_times(events, place)
     for name in ('kind', 'phase', 'velocity', 'alpha'):
         rows[name] = events[name]
     return rows

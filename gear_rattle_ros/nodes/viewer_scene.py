@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from ..core.axes import Place
 from ..core.reconstruction import rebuild
 from .viewer_axes import (
     colours_of,
@@ -19,7 +20,7 @@ from .viewer_axes import (
     section_axes,
     velocity_ticks,
 )
-from .viewer_recent import Now, Recent, ROW, RowArray
+from .viewer_recent import Recent, ROW, RowArray
 
 TWO_PI = 2.0 * math.pi
 # Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.
@@ -114,7 +115,7 @@ class Scene:
         # Begun, not waited for: what a killed viewer leaves in its file ends here.
         self._recording.flush(timeout_sec=0.0)
 
-    def say(self, text: str, level: str, now: Now | None) -> None:
+    def say(self, text: str, level: str, now: Place | None) -> None:
         """Log a line of text."""
         self._send('log', now, rr.TextLog.columns(text=[text], level=[level]))
 
@@ -125,7 +126,7 @@ class Scene:
         finally:
             self._recording.disconnect()
 
-    def _draw_impacts(self, impacts: RowArray, now: Now) -> None:
+    def _draw_impacts(self, impacts: RowArray, now: Place) -> None:
         self.drawn += len(impacts)
         self._columns('velocity', impacts['impact'], impacts['drive_time'],
                       rr.Scalars.columns(scalars=impacts['velocity']))
@@ -164,7 +165,7 @@ class Scene:
         line = np.stack([x, motion.displacement], axis=1).astype(np.float32)
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
-    def _draw_alpha(self, changes: RowArray, now: Now) -> None:
+    def _draw_alpha(self, changes: RowArray, now: Place) -> None:
         self._columns(
             'alpha', np.append(changes['impact'], now.impact),
             np.append(changes['drive_time'], now.drive_time),
@@ -184,7 +185,7 @@ class Scene:
             'exponents', impacts, np.full(len(taken), recent.now.drive_time),
             rr.Scalars.columns(scalars=table.ravel()).partition([table.shape[1]] * len(taken)))
 
-    def _send(self, path: str, now: Now | None,
+    def _send(self, path: str, now: Place | None,
               columns: Sequence[rr.ComponentColumn] | rr.ComponentColumnList) -> None:
         impact, drive_time = (0, 0.0) if now is None else (now.impact, now.drive_time)
         self._columns(path, np.array([impact]), np.array([drive_time]), columns)

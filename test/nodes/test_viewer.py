@@ -25,11 +25,12 @@ from gear_rattle_ros.messages import (
 )
 from gear_rattle_ros.nodes.shell import StartError
 from gear_rattle_ros.nodes.viewer_axes import colours_of, HALF_HEIGHT, nice_limit
-from gear_rattle_ros.nodes.viewer_recent import Recent, TWO_PI
+from gear_rattle_ros.nodes.viewer_recent import Recent
 from gear_rattle_ros.nodes.viewer_scene import exponent_row, EXPONENTS, SECTION_POINTS
 from gear_rattle_ros.nodes.viewer_sinks import chosen_mode, file_recording
 from gear_rattle_ros.qos import LATCHED, STREAM
 
+TWO_PI = 2.0 * math.pi
 STAMP = stamp_from_nanoseconds(1_000_000_000)
 
 

@@ -1,0 +1,1 @@
+"""Questions about whole runs, bags and many trajectories, without ROS."""

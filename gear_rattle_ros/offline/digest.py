@@ -1,0 +1,210 @@
+"""What a picture of a whole run needs, gathered batch by batch in bounded memory."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ..core.axes import advanced, drive_times, impact_numbers, Place
+from ..core.lyapunov import RunningLyapunov
+from ..core.model import EVENT, EventArray, EventKind, impact_count
+from ..core.orbits import Regime, TransientDetector, TransientReport
+from ..core.stream import Piece, StreamGuard
+
+POINT: Final = np.dtype([
+    ('impact', np.int64), ('drive_time', np.float64), ('phase', np.float64),
+    ('velocity', np.float64), ('alpha', np.float64)])
+ESTIMATE: Final = np.dtype([
+    ('impact', np.int64), ('epoch', np.int64), ('impacts', np.int64), ('lambda_1', np.float64),
+    ('lambda_2', np.float64), ('lambda_1_error', np.float64), ('lambda_1_finite', np.float64),
+    ('sum', np.float64), ('exact_sum', np.float64)])
+RowArray = npt.NDArray[np.void]
+
+# Kept at the most: impacts, retunes, estimates, last events, first and last words.
+POINTS_MOST: Final = 60_000
+CHANGES_MOST: Final = 20_000
+ESTIMATES_MOST: Final = 4_000
+TAIL: Final = 2_000
+WORDS_MOST: Final = 6
+
+
+class Thinned:
+    """
+    Rows of a table, each kept by chance, so that no more than so many are.
+
+    Rows are chosen by a hash of their number, not every n-th, which would show one impact only of
+    an orbit with a period of n. The same rows give the same choice however they come in.
+
+    Parameters
+    ----------
+    kind : dtype
+        Of the rows.
+    most : int
+        How many are kept at the most.
+
+    """
+
+    def __init__(self, kind: np.dtype, most: int) -> None:
+        self._most = most
+        self._count = 0
+        self._below = 2**32
+        self._marks = np.empty(0, np.uint32)
+        self.rows = np.empty(0, kind)
+
+    def add(self, rows: RowArray) -> None:
+        """
+        Take more rows.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n,)
+            The rows, in order.
+
+        """
+        numbers = np.arange(self._count, self._count + len(rows), dtype=np.uint64)
+        self._count += len(rows)
+        # Multiplicative hashing by the golden ratio, with the high bits mixed in.
+        marks = numbers * np.uint64(0x9E3779B97F4A7C15)
+        marks = ((marks ^ marks >> np.uint64(29)) * np.uint64(0xBF58476D1CE4E5B9)) >> np.uint64(32)
+        kept = marks < self._below
+        self.rows = np.concatenate([self.rows, rows[kept]])
+        self._marks = np.concatenate([self._marks, marks[kept].astype(np.uint32)])
+        while len(self.rows) > self._most:
+            self._below //= 2
+            kept = self._marks < self._below
+            self.rows, self._marks = self.rows[kept], self._marks[kept]
+
+
+@dataclasses.dataclass(frozen=True)
+class Word:
+    """
+    What the trajectory was found to do.
+
+    Attributes
+    ----------
+    impact : int
+        Number of the impact at which it was found.
+    alpha : float
+        The parameter then [1].
+    report : TransientReport
+        What was found.
+
+    """
+
+    impact: int
+    alpha: float
+    report: TransientReport
+
+
+class Digest:
+    """
+    A run in bounded memory: impacts, retunes, exponents, what the trajectory did, its last motion.
+
+    Parameters
+    ----------
+    window : int
+        Impacts in the finite-time exponent.
+
+    Attributes
+    ----------
+    impacts : int
+        Impacts seen.
+    place : Place or None
+        The last event; None before the first.
+    points, changes, estimates : Thinned
+        Impacts; first event, retunes and resets; estimates of the exponents.
+    words : list of Word
+        The first few things that the trajectory was found to do and the last few.
+    tail : ndarray of EVENT, shape (n,)
+        The last events that have no hole between them.
+    guard : StreamGuard
+        What was lost.
+
+    """
+
+    def __init__(self, window: int = 1000) -> None:
+        self.impacts = 0
+        self.place: Place | None = None
+        self.points = Thinned(POINT, POINTS_MOST)
+        self.changes = Thinned(POINT, CHANGES_MOST)
+        self.estimates = Thinned(ESTIMATE, ESTIMATES_MOST)
+        self.words: list[Word] = []
+        self.tail = np.empty(0, EVENT)
+        self.guard = StreamGuard()
+        self._lyapunov = RunningLyapunov(window)
+        self._detector = TransientDetector()
+
+    def add(self, events: EventArray) -> None:
+        """
+        Take the next batch.
+
+        Parameters
+        ----------
+        events : ndarray of EVENT, shape (n,)
+            The records.
+
+        """
+        for piece in self.guard.split(events):
+            is_first = self.place is None
+            self.place = advanced(self.place, piece)
+            self._add_piece(piece, self.place, is_first)
+
+    def _add_piece(self, piece: Piece, place: Place, is_first: bool) -> None:
+        events = piece.events
+        self.impacts += impact_count(events)
+        rows = np.empty(len(events), POINT)
+        rows['impact'] = impact_numbers(events, place)
+        rows['drive_time'] = drive_times(events, place)
+        for name in ('phase', 'velocity', 'alpha'):
+            rows[name] = events[name]
+        self.points.add(rows[events['kind'] <= EventKind.STICK])
+        begins = events['kind'] >= EventKind.RETUNE
+        begins[0] |= is_first
+        self.changes.add(rows[begins])
+        whole = np.concatenate([self.tail, events]) if piece.follows else events
+        self.tail = whole[-TAIL:].copy()
+        # An average ends at every retune: its last value belongs into the picture as well.
+        for part in np.split(events, np.flatnonzero(events['kind'] >= EventKind.RETUNE)):
+            if len(part):
+                self._follow(part, place)
+
+    def _follow(self, events: EventArray, place: Place) -> None:
+        self._lyapunov.update(events)
+        now = self._lyapunov.report()
+        if now.impacts:
+            impact = int(impact_numbers(events[-1:], place)[0])
+            self.estimates.add(np.array([(
+                impact, now.epoch, now.impacts, now.lambda_1, now.lambda_2, now.lambda_1_error,
+                now.lambda_1_finite, now.sum, now.exact_sum)], ESTIMATE))
+        for report in self._detector.update(events):
+            back = (int(place.event['index']) - report.index) % 2**32
+            alpha = float(events['alpha'][-1])
+            self.words.append(Word(place.impact - back, alpha, report))
+            if len(self.words) > 2 * WORDS_MOST:
+                del self.words[WORDS_MOST]
+
+
+def in_words(word: Word) -> str:
+    """
+    Put what was found into a line.
+
+    Parameters
+    ----------
+    word : Word
+        What was found.
+
+    Returns
+    -------
+    str
+        With alpha and the number of the impact.
+
+    """
+    text = f'impact {word.impact:,}, alpha {word.alpha:g}: '
+    if word.report.regime is Regime.TRANSIENT:
+        return text + 'a transient begins'
+    text += word.report.describe()
+    if word.report.regime is Regime.ORBIT and math.isfinite(word.report.multiplier):
+        text += f' (multiplier {word.report.multiplier:.3f})'
+    return text

@@ -1,0 +1,422 @@
+"""One picture of a bag: section, velocities, alpha, exponents, the last motion, in words."""
+
+import argparse
+from collections.abc import Iterable, Iterator
+import math
+from pathlib import Path
+import sys
+import textwrap
+from typing import Final, NoReturn
+
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MultipleLocator
+import numpy as np
+import numpy.typing as npt
+
+from ..bags import Bag, BagError
+from ..core.model import EventArray
+from ..core.reconstruction import rebuild
+from .digest import Digest, in_words, RowArray
+
+WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
+TWO_PI = 2.0 * math.pi
+# s(tau) is drawn over so many drive periods.
+PERIODS: Final = 6
+# The running exponent says nothing before so many impacts.
+IMPACTS_LEAST: Final = 30
+# More retunes than this are a ramp: no line for each.
+LINES_MOST: Final = 20
+MAP: Final = 'plasma'
+# Its bright end is hard to see on white.
+MAP_END: Final = 0.75
+BLUE, GREEN, VIOLET, ORANGE, GREY = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e', '#808080'
+
+
+def digest_of(batches: Iterable[EventArray]) -> Digest:
+    """
+    Gather what the picture needs.
+
+    Parameters
+    ----------
+    batches : iterable of ndarray of EVENT
+        A run, in order.
+
+    Returns
+    -------
+    Digest
+        The run; its memory does not grow with the number of batches.
+
+    Raises
+    ------
+    ValueError
+        If there is no impact in it.
+
+    """
+    digest = Digest()
+    for events in gathered(batches):
+        digest.add(events)
+    if not digest.impacts:
+        raise ValueError('there are no impacts in it')
+    return digest
+
+
+def gathered(batches: Iterable[EventArray]) -> Iterator[EventArray]:
+    """
+    Join small batches to larger ones as a run gets longer.
+
+    Parameters
+    ----------
+    batches : iterable of ndarray of EVENT
+        A run, in order.
+
+    Yields
+    ------
+    ndarray of EVENT, shape (n,)
+        The same records; each batch but the last has at least a thousandth of those so far.
+
+    """
+    waiting: list[EventArray] = []
+    count = total = 0
+    for events in batches:
+        waiting.append(events)
+        count += len(events)
+        total += len(events)
+        if 1000 * count >= total:
+            yield np.concatenate(waiting)
+            waiting, count = [], 0
+    if waiting:
+        yield np.concatenate(waiting)
+
+
+def draw(digest: Digest, name: str) -> Figure:
+    """
+    Draw a run.
+
+    Parameters
+    ----------
+    digest : Digest
+        The run, with at least one impact.
+    name : str
+        What the run is called.
+
+    Returns
+    -------
+    Figure
+        1600 x 1000 pixels when saved.
+
+    """
+    figure = Figure((WIDTH, HEIGHT), dpi=DPI, layout='constrained')
+    FigureCanvasAgg(figure)
+    figure.suptitle(title_of(digest, name), fontsize=14)
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.15))[0]
+    section, words = left.subplots(2, 1, height_ratios=(5.0, 1.0))
+    velocity, alpha, exponents, motion = right.subplots(4, 1, height_ratios=(1.0, 0.6, 1.3, 0.8))
+    # One scale of colour for both pictures of the impacts.
+    norm = Normalize(*_spread(digest.points.rows['alpha']))
+    draw_section(section, digest, norm)
+    draw_words(words, digest)
+    draw_velocity(velocity, digest, norm)
+    draw_alpha(alpha, digest)
+    draw_exponents(exponents, digest)
+    draw_motion(motion, digest)
+    return figure
+
+
+def title_of(digest: Digest, name: str) -> str:
+    """
+    Say what was recorded.
+
+    Parameters
+    ----------
+    digest : Digest
+        The run.
+    name : str
+        What it is called.
+
+    Returns
+    -------
+    str
+        One line.
+
+    """
+    assert digest.place is not None
+    first, event = digest.changes.rows[0], digest.place.event
+    periods = digest.place.drive_time - first['drive_time']
+    lost = f', {digest.guard.lost:,} lost' if digest.guard.lost else ''
+    return (f'{name}: {digest.impacts:,} impacts{lost} in {periods:,.0f} drive periods, '
+            f'beta {event["beta"]:g}, gamma {event["gamma"]:g}, r {event["restitution"]:g}')
+
+
+def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
+    """
+    Draw where impacts fall in phase and velocity.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    digest : Digest
+        The run.
+    norm : Normalize
+        Scale of alpha.
+
+    """
+    points = digest.points.rows
+    drawn = axes.scatter(
+        points['phase'], points['velocity'], s=_size(len(points)), linewidths=0,
+        c=_colours(points, norm), rasterized=True)
+    share = '' if len(points) == digest.impacts else f' ({len(points):,} of them)'
+    axes.set_title(f'Section: every impact{share}, coloured by alpha')
+    axes.set(xlim=(0.0, TWO_PI), xlabel='drive phase tau mod 2π [rad]',
+             ylabel="velocity before the impact s' [1]")
+    axes.xaxis.set_major_locator(MultipleLocator(math.pi / 2))
+    axes.xaxis.set_major_formatter(FuncFormatter(_in_pi))
+    axes.axhline(0.0, color=GREY, linewidth=0.6)
+    # Room for the legend above the points.
+    low, high = _spread(points['velocity'])
+    axes.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
+    axes.text(0.01, 0.99, 'upper wall', transform=axes.transAxes, va='top', color=GREY)
+    axes.text(0.01, 0.01, 'lower wall', transform=axes.transAxes, va='bottom', color=GREY)
+    values, counts = np.unique(points['alpha'], return_counts=True)
+    shown = values[np.argsort(-counts, kind='stable')][:8]
+    for value in sorted(shown):
+        axes.scatter([], [], s=30, color=_colour(float(value), norm), label=f'alpha {value:g}')
+    if len(values) > len(shown):
+        axes.scatter([], [], s=0, label=f'and {len(values) - len(shown):,} more')
+    axes.legend(loc='upper right', framealpha=0.9)
+    drawn.set_gid('section')
+
+
+def draw_words(axes: Axes, digest: Digest) -> None:
+    """
+    Write what the trajectory was found to do.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    digest : Digest
+        The run.
+
+    """
+    axes.axis('off')
+    lines = [in_words(word) for word in digest.words]
+    if len(lines) > 6:
+        lines = [*lines[:3], '...', *lines[-3:]]
+    lines = [textwrap.fill(line, 92, subsequent_indent='    ') for line in lines]
+    text = axes.text(0.0, 1.0, '\n'.join(lines), transform=axes.transAxes, va='top', fontsize=10,
+                     linespacing=1.4)
+    # A long line must not narrow the picture above it.
+    text.set_in_layout(False)
+
+
+def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
+    """
+    Draw velocities in the order of the impacts, with the retunes.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    digest : Digest
+        The run.
+    norm : Normalize
+        Scale of alpha.
+
+    """
+    points, changes = digest.points.rows, digest.changes.rows[1:]
+    axes.scatter(points['impact'], points['velocity'], s=_size(len(points)), linewidths=0,
+                 c=_colours(points, norm), rasterized=True)
+    if len(changes) <= LINES_MOST:
+        for row in changes:
+            axes.axvline(row['impact'], color=GREY, linewidth=0.8, linestyle='--')
+            axes.annotate(f'alpha {row["alpha"]:g}', (row['impact'], 1.0), (3, -3),
+                          xycoords=('data', 'axes fraction'), textcoords='offset points',
+                          va='top', fontsize=9, color='#404040',
+                          bbox={'facecolor': 'white', 'alpha': 0.7, 'linewidth': 0, 'pad': 1})
+    axes.set(title='Velocity before the impact', xlabel='impact number', ylabel="s' [1]")
+    _count_axis(axes)
+
+
+def draw_alpha(axes: Axes, digest: Digest) -> None:
+    """
+    Draw alpha in time.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    digest : Digest
+        The run.
+
+    """
+    assert digest.place is not None
+    changes = digest.changes.rows
+    axes.step([*changes['drive_time'], digest.place.drive_time],
+              [*changes['alpha'], digest.place.event['alpha']], where='post', color=ORANGE)
+    axes.set(title='Amplitude of the drive', xlabel='time [drive periods]', ylabel='alpha [1]')
+    axes.margins(x=0.0, y=0.2)
+    _count_axis(axes)
+
+
+def draw_exponents(axes: Axes, digest: Digest) -> None:
+    """
+    Draw the running and finite-time exponents, with the error and the exact sum.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    digest : Digest
+        The run.
+
+    """
+    rows = digest.estimates.rows
+    rows = rows[rows['impacts'] >= IMPACTS_LEAST]
+    axes.set(title='Lyapunov exponents per impact, averaged since the last retune',
+             xlabel='impact number', ylabel='exponent [1]')
+    axes.axhline(0.0, color='black', linewidth=0.8)
+    _count_axis(axes)
+    if not len(rows):
+        return
+    x = _broken(rows, 'impact')
+    middle, error = _broken(rows, 'lambda_1'), _broken(rows, 'lambda_1_error')
+    axes.fill_between(x, middle - error, middle + error, color=BLUE, alpha=0.25, linewidth=0)
+    for name, label, colour, width in (
+        ('lambda_1_finite', 'λ1, last 1,000 impacts', GREEN, 1.2),
+        ('lambda_1', 'λ1 ± standard error', BLUE, 1.8),
+        ('lambda_2', 'λ2', VIOLET, 1.4),
+        ('exact_sum', '2 ln r − beta <D>, exact', GREY, 4.0),
+        ('sum', 'λ1 + λ2', ORANGE, 1.4),
+    ):
+        axes.plot(x, _broken(rows, name), color=colour, linewidth=width, label=label)
+    # The legend has a strip of its own below.
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.22), ncols=5, fontsize=9,
+                frameon=False, columnspacing=1.2, handlelength=1.5)
+
+
+def draw_motion(axes: Axes, digest: Digest) -> None:
+    """
+    Draw the motion between the walls over the last drive periods.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    digest : Digest
+        The run.
+
+    """
+    motion = rebuild(digest.tail, TWO_PI / 200.0, PERIODS)
+    for wall in (0.0, -1.0):
+        axes.axhline(wall, color=ORANGE, linewidth=2.0)
+    axes.plot(motion.tau / TWO_PI, motion.displacement, color=BLUE, linewidth=1.2)
+    axes.set(title=f'Displacement over the last {PERIODS} drive periods, between both walls',
+             xlabel="time from the beginning of the last event's drive period [drive periods]",
+             ylabel='s [1]', ylim=(-1.08, 0.08))
+    axes.margins(x=0.0)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """
+    Write a picture.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    path : Path
+        Where to; .png is the format unless its ending says another.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    ValueError
+        If the ending is of no known format.
+
+    """
+    figure.savefig(path, dpi=DPI)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Run the command `summary BAG [--output FILE.png]`.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 2 with one line that says why.
+
+    """
+    parser = _Parser('summary', description='Make one picture of a bag.')
+    parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
+    parser.add_argument('--output', type=Path, metavar='FILE.png',
+                        help='the picture; by default summary.png beside the bag')
+    given = parser.parse_args(arguments)
+    output = given.output or given.bag.resolve().parent / 'summary.png'
+    try:
+        digest = digest_of(Bag(given.bag).events())
+    except BagError as error:
+        return _fail(str(error))
+    except ValueError as error:
+        return _fail(f'{given.bag}: {error}')
+    try:
+        save(draw(digest, given.bag.resolve().name), output)
+    except OSError as error:
+        return _fail(f'{output}: {error.strerror}')
+    except ValueError as error:
+        return _fail(f'{output}: {error}')
+    print(output)
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f'{self.prog}: {message}\n')
+
+
+def _fail(message: str) -> int:
+    print(f'summary: {message}', file=sys.stderr)
+    return 2
+
+
+def _spread(values: npt.NDArray[np.float64]) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    return (low, high) if high > low else (low - 1.0, high + 1.0)
+
+
+def _colours(points: RowArray, norm: Normalize) -> npt.NDArray[np.float64]:
+    return np.asarray(colormaps[MAP](MAP_END * norm(points['alpha'])), np.float64)
+
+
+def _colour(alpha: float, norm: Normalize) -> tuple[float, ...]:
+    return tuple(colormaps[MAP](MAP_END * float(norm(alpha))))
+
+
+def _size(count: int) -> float:
+    return min(12.0, max(1.2, 40_000.0 / max(count, 1)))
+
+
+def _broken(rows: RowArray, name: str) -> npt.NDArray[np.float64]:
+    # A gap where a new average begins, and where a value is infinite.
+    values = rows[name].astype(np.float64)
+    values[~np.isfinite(values)] = math.nan
+    return np.insert(values, np.flatnonzero(np.diff(rows['epoch'])) + 1, math.nan)
+
+
+def _in_pi(value: float, _: int | None) -> str:
+    return {0: '0', 1: 'π/2', 2: 'π', 3: '3π/2', 4: '2π'}.get(round(value / (math.pi / 2)), '')
+
+
+def _count_axis(axes: Axes) -> None:
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))

@@ -1,0 +1,161 @@
+"""The picture of a bag: what it is drawn from, what stands in it, and bad input."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from bag_maker import batches as serialized, make_bag
+from matplotlib import colormaps
+from matplotlib.image import imread
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.offline import summary
+from gear_rattle_ros.offline.digest import Digest, in_words, POINT, Thinned
+from gear_rattle_ros.offline.summary import digest_of, draw, gathered, save
+
+
+def story(periods: int = 600) -> list[EventArray]:
+    """Return the batches of a run with a change of alpha in the middle."""
+    simulation = Simulation(Parameters(0.57), State(0, 0.0, -0.5, -0.5))
+    batches = []
+    for tick in range(60):
+        batches.append(simulation.advance((tick + 1) * periods // 60, 0.0, 100_000))
+        if tick == 29:
+            batches.append(simulation.retune(Parameters(1.244)))
+    return batches
+
+
+def test_thinning_is_fair_and_does_not_depend_on_the_cut() -> None:
+    """Of an orbit of any period each impact is shown as often as the others."""
+    rows = np.zeros(200_000, POINT)
+    rows['impact'] = np.arange(len(rows))
+    whole, cut = Thinned(POINT, 6000), Thinned(POINT, 6000)
+    whole.add(rows)
+    for start in range(0, len(rows), 777):
+        cut.add(rows[start:start + 777])
+    np.testing.assert_array_equal(whole.rows, cut.rows)
+    assert 3000 <= len(whole.rows) <= 6000
+    for period in (2, 3, 4, 8, 16):
+        shares = np.bincount(whole.rows['impact'] % period) / len(whole.rows)
+        assert np.abs(shares * period - 1.0).max() < 0.25
+    quarters = np.histogram(whole.rows['impact'], 4)[0] / len(whole.rows)
+    assert np.abs(quarters - 0.25).max() < 0.02
+
+
+def test_digest_holds_the_run() -> None:
+    """Impacts, retunes, exponents and states are those of the stream."""
+    batches = story()
+    events = np.concatenate(batches)
+    digest = digest_of(batches)
+    impacts = events[events['kind'] <= EventKind.STICK]
+    assert digest.impacts == len(impacts) == len(digest.points.rows)
+    for name in ('phase', 'velocity', 'alpha'):
+        np.testing.assert_array_equal(digest.points.rows[name], impacts[name])
+    assert list(digest.changes.rows['alpha']) == [0.57, 1.244]
+    assert digest.changes.rows['drive_time'][1] == pytest.approx(300.0)
+    running = RunningLyapunov(1000)
+    running.update(events)
+    assert digest.estimates.rows['lambda_1'][-1] == running.report().lambda_1
+    words = [in_words(word) for word in digest.words]
+    assert words[0] == 'impact 0, alpha 0.57: a transient begins'
+    retuned = impact_count(np.concatenate(batches[:30]))
+    assert f'impact {retuned:,}, alpha 1.244: a transient begins' in words
+    assert digest.guard.lost == 0
+
+
+def test_gathering_changes_nothing_but_the_cut() -> None:
+    """Every record comes once and in order, in far fewer batches in the end."""
+    events = np.concatenate(story())
+    singles = [events[i:i + 1] for i in range(len(events))] * 4
+    joined = list(gathered(singles))
+    np.testing.assert_array_equal(np.concatenate(joined), np.concatenate(singles))
+    assert len(joined) < 0.7 * len(singles)
+
+
+def test_a_restart_and_a_hole_are_counted() -> None:
+    """The axes go on after a restart, and what was lost is in the title."""
+    events = np.concatenate(story(120))
+    digest = Digest()
+    digest.add(events[:100])
+    digest.add(events[110:])
+    digest.add(events)
+    assert digest.guard.lost == 10 and digest.guard.restarts == 1
+    assert (np.diff(digest.points.rows['impact']) > 0).all()
+    assert (np.diff(digest.points.rows['drive_time']) > 0).all()
+    assert ', 10 lost' in summary.title_of(digest, 'bag')
+
+
+@pytest.fixture(scope='module')
+def picture(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    """Return the pixels of a picture of the story, each channel from 0 to 255."""
+    path = tmp_path_factory.mktemp('picture') / 'summary.png'
+    save(draw(digest_of(story(3000)), 'bag'), path)
+    return np.rint(imread(path)[:, :, :3] * 255.0).astype(int)
+
+
+def count(pixels: np.ndarray, colour: tuple[float, ...] | str) -> int:
+    """Return how many pixels have a colour, to within a few steps."""
+    if isinstance(colour, str):
+        wanted = np.array([int(colour[i:i + 2], 16) for i in (1, 3, 5)])
+    else:
+        wanted = np.rint(np.array(colour[:3]) * 255.0)
+    return int((np.abs(pixels - wanted).max(axis=2) <= 6).sum())
+
+
+def test_picture_has_its_size_and_every_part_is_drawn(picture: np.ndarray) -> None:
+    """1600 x 1000 pixels; each part has the colours of what it shows."""
+    assert picture.shape == (1000, 1600, 3)
+    low, high = colormaps['plasma'](0.0), colormaps['plasma'](summary.MAP_END)
+    section, right = picture[50:800, 60:730], picture[:, 820:]
+    assert count(section, low) > 100 and count(section, high) > 300
+    velocity, exponents, motion = right[50:230], right[470:710], right[810:960]
+    assert count(velocity, low) > 300 and count(velocity, high) > 300
+    for colour in (summary.BLUE, summary.GREEN, summary.VIOLET, summary.ORANGE, summary.GREY):
+        assert count(exponents, colour) > 50
+    assert count(motion, summary.BLUE) > 500 and count(motion, summary.ORANGE) > 1000
+    assert count(right[290:420], summary.ORANGE) > 500
+    words = picture[830:, 60:730]
+    assert (words.min(axis=2) < 100).sum() > 300
+
+
+def test_command_makes_a_picture_of_a_bag(tmp_path: Path,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    """Beside the bag or where it is told to; what cannot be written is said in one line."""
+    bag = tmp_path / 'bag'
+    make_bag(bag, serialized(np.concatenate(story(60))))
+    assert summary.main([str(bag)]) == 0
+    assert capsys.readouterr().out == f'{tmp_path / "summary.png"}\n'
+    assert imread(tmp_path / 'summary.png').shape[:2] == (1000, 1600)
+    assert summary.main([str(bag), '--output', str(tmp_path / 'no' / 'a.png')]) == 2
+    assert capsys.readouterr().err == (
+        f'summary: {tmp_path}/no/a.png: No such file or directory\n')
+    assert summary.main([str(bag), '--output', str(tmp_path / 'a.xyz')]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f'summary: {tmp_path}/a.xyz: ') and message.count('\n') == 1
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['/nowhere/bag'], 'summary: /nowhere/bag: does not exist\n'),
+    ([], 'summary: the following arguments are required: BAG\n'),
+    (['a', '--colour'], 'summary: unrecognized arguments: --colour\n'),
+])
+def test_bad_input_is_one_line(arguments: list[str], words: str,
+                               capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit status 2 and one line that names what is wrong."""
+    try:
+        status = summary.main(arguments)
+    except SystemExit as exit_:
+        status = exit_.code
+    assert status == 2
+    assert capsys.readouterr() == ('', words)
+
+
+def test_a_run_without_impacts_is_refused() -> None:
+    """There is nothing to draw."""
+    def nothing() -> Iterator[EventArray]:
+        yield np.concatenate(story(60))[:1]
+    with pytest.raises(ValueError, match='no impacts'):
+        digest_of(nothing())
