@@ -1,4 +1,4 @@
-"""The paper's formulas in mpmath, written independently of the package: what tests compare with."""
+"""The paper's formulas in mpmath, written independently of the package."""
 
 from collections.abc import Callable, Iterator
 import dataclasses
@@ -51,5 +51,5 @@ def roots(function: Callable[[mp.mpf], mp.mpf], times: list[float]) -> Iterator[
     values = [function(mp.mpf(t)) for t in times]
     for t0, t1, f0, f1 in zip(times[:-1], times[1:], values[:-1], values[1:], strict=True):
         if f0 * f1 < 0:
-            yield mp.findroot(lambda t: function(t), (t0, t1), solver='anderson', tol=mp.mpf(10)**(-80),
-                              verify=False)
+            yield mp.findroot(lambda t: function(t), (t0, t1), solver='anderson',
+                              tol=mp.mpf(10)**(-80), verify=False)

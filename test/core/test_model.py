@@ -1,0 +1,122 @@
+"""Parameters, states and EVENT: what is accepted, what is refused and by what name."""
+
+import math
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
+
+
+@pytest.mark.parametrize('name', ['alpha', 'beta', 'gamma', 'restitution'])
+@pytest.mark.parametrize(
+    'value', [math.nan, math.inf, -math.inf, 1e9, -1e9, 10**400, None, 'much', 1j, []])
+def test_parameters_refuse_and_name_the_value(name: str, value: object) -> None:
+    """No number, not finite or out of range: ValueError begins with the name."""
+    with pytest.raises(ValueError, match=f'^{name} = '):
+        Parameters(**{name: value})
+
+
+@pytest.mark.parametrize('name, value', [
+    ('alpha', -1e-9), ('beta', -0.1), ('restitution', 1.0000001), ('restitution', -0.1)])
+def test_parameters_refuse_what_is_unphysical(name: str, value: float) -> None:
+    """A negative amplitude or damping, and a restitution beyond 1, are refused."""
+    with pytest.raises(ValueError, match=f'^{name} = {value}'):
+        Parameters(**{name: value})
+
+
+@pytest.mark.parametrize('name, value', [
+    ('displacement', 1e-9), ('displacement', -1.0000001), ('displacement', math.nan),
+    ('phase', -1e-9), ('phase', 2 * math.pi), ('phase', math.nan),
+    ('velocity', math.nan), ('velocity', math.inf),
+    ('cycle', -1), ('cycle', 1.5), ('cycle', math.nan), ('cycle', '3')])
+def test_states_refuse_and_name_the_value(name: str, value: object) -> None:
+    """A displacement outside the walls is an error and never clipped."""
+    with pytest.raises(ValueError, match=f'^{name} = '):
+        State(**{name: value})
+
+
+def test_integers_become_floats_and_nothing_changes_later() -> None:
+    """Whole numbers are accepted for floats; both classes are frozen."""
+    parameters, state = Parameters(1, 0, 0, 1), State(0, 1, -1, 2)
+    assert isinstance(parameters.alpha, float) and isinstance(state.displacement, float)
+    with pytest.raises(AttributeError):
+        parameters.alpha = 2.0  # type: ignore[misc]
+    with pytest.raises(AttributeError):
+        state.velocity = 2.0  # type: ignore[misc]
+
+
+PAIR = {
+    'inertia': 2.0, 'damping': 6.0, 'torque': 5.0, 'drive_amplitude': 0.004,
+    'drive_frequency': 30.0, 'driver_radius': 0.05, 'driven_radius': 0.08, 'backlash': 2e-4,
+    'restitution': 0.9}
+
+
+def test_parameters_from_a_gear_pair() -> None:
+    """alpha = A R_e/nu, beta = d/(m omega), gamma = T R/(m nu omega^2)."""
+    parameters = Parameters.from_physical(**PAIR)
+    assert parameters.alpha == pytest.approx(0.004 * 0.05 / 2e-4, rel=1e-15)
+    assert parameters.beta == pytest.approx(6.0 / 60.0, rel=1e-15)
+    assert parameters.gamma == pytest.approx(5.0 * 0.08 / (2.0 * 2e-4 * 900.0), rel=1e-15)
+    assert parameters.restitution == 0.9
+
+
+def test_dimensionless_parameters_do_not_depend_on_units() -> None:
+    """Another unit of length, mass or time changes nothing (which gamma without nu would)."""
+    length, mass, time = 1000.0, 7.0, 60.0
+    scaled = Parameters.from_physical(
+        inertia=PAIR['inertia'] * mass * length**2,
+        damping=PAIR['damping'] * mass * length**2 / time,
+        torque=PAIR['torque'] * mass * length**2 / time**2,
+        drive_amplitude=PAIR['drive_amplitude'],
+        drive_frequency=PAIR['drive_frequency'] / time,
+        driver_radius=PAIR['driver_radius'] * length,
+        driven_radius=PAIR['driven_radius'] * length,
+        backlash=PAIR['backlash'] * length,
+        restitution=PAIR['restitution'])
+    plain = Parameters.from_physical(**PAIR)
+    assert scaled.alpha == pytest.approx(plain.alpha, rel=1e-14)
+    assert scaled.beta == pytest.approx(plain.beta, rel=1e-14)
+    assert scaled.gamma == pytest.approx(plain.gamma, rel=1e-14)
+
+
+@pytest.mark.parametrize('name', [
+    'inertia', 'drive_frequency', 'driver_radius', 'driven_radius', 'backlash'])
+@pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf])
+def test_a_gear_pair_of_nothing_is_refused(name: str, value: float) -> None:
+    """What must be positive is named when it is not."""
+    with pytest.raises(ValueError, match=f'^{name} = '):
+        Parameters.from_physical(**{**PAIR, name: value})
+
+
+def test_layout_of_an_event() -> None:
+    """80 bytes, four unsigned words and eight doubles, in the order of the design."""
+    assert EVENT.itemsize == 80
+    assert EVENT.names == (
+        'kind', 'index', 'epoch', 'cycle', 'phase', 'displacement', 'velocity', 'velocity_after',
+        'alpha', 'beta', 'gamma', 'restitution')
+    assert [EVENT.fields[name][1] for name in EVENT.names] == [
+        0, 4, 8, 12, 16, 24, 32, 40, 48, 56, 64, 72]
+    assert [kind.name for kind in EventKind] == ['IMPACT', 'STICK', 'RELEASE', 'RETUNE', 'RESET']
+
+
+@pytest.mark.parametrize('writable', [True, False])
+def test_compiled_kernels_are_kept_where_one_can_write(tmp_path: Path, writable: bool) -> None:
+    """The cache is below NUMBA_CACHE_DIR, else in a folder of its own; numba's is left alone."""
+    (tmp_path / 'file').write_text('')
+    wanted = tmp_path / 'cache' if writable else tmp_path / 'file' / 'cache'
+    answer = subprocess.run(
+        [sys.executable, '-c',
+         'import numba; before = numba.config.CACHE_DIR\n'
+         'from gear_rattle_ros.core.compiled import cache_directory\n'
+         'from gear_rattle_ros.core.elementary import exp_minus\n'
+         'assert numba.config.CACHE_DIR == before\n'
+         'assert exp_minus(0.0) == 1.0; print(cache_directory())'],
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(wanted), 'TMPDIR': str(tmp_path)},
+        check=True, capture_output=True, text=True)
+    folder = Path(answer.stdout.strip())
+    assert folder.is_relative_to(wanted if writable else tmp_path)
+    assert any(folder.rglob('*.nbi'))
