@@ -83,9 +83,8 @@ def test_release_at_the_zero_of_the_force(
         pressed = [k * TWO_PI / 64 for k in range(64) if force(k * TWO_PI / 64) > 0]
         assert pressed
         for phase in pressed[::5]:
-            events = Simulation(Parameters(alpha, beta, gamma, 0.9), State(0, phase, wall)).advance(
-                3, 0.0, 2)
-            release = events[1]
+            parameters = Parameters(alpha, beta, gamma, 0.9)
+            release = Simulation(parameters, State(0, phase, wall)).advance(3, 0.0, 2)[1]
             assert release['kind'] == EventKind.RELEASE
             assert release['velocity'] == release['velocity_after'] == 0.0
             found = times(release)

@@ -113,6 +113,14 @@ def test_jacobian_of_equation_9_by_finite_differences(alpha: float) -> None:
             assert np.allclose(np.transpose(columns), jacobian, rtol=0.0, atol=3e-6 * scale**2)
 
 
+def advanced(parameters: Parameters, start: State,
+             end: tuple[int, float]) -> tuple[State, EventArray]:
+    """Return the state at a moment and the events on the way."""
+    simulation = Simulation(parameters, start)
+    events = simulation.advance(*end, 100)
+    return simulation.state, events
+
+
 @pytest.mark.parametrize('parameters', [
     Parameters(0.57), Parameters(1.2), Parameters(3.0, 0.0, -0.2, 1.0),
     Parameters(0.8, 1.0, 0.0, 0.4)])
@@ -123,15 +131,7 @@ def test_product_of_matrices_is_the_derivative_of_the_flow(parameters: Parameter
     for _ in range(80):
         phase, s, v = rng.uniform(0.0, TWO_PI), rng.uniform(-0.9, -0.1), rng.normal()
         end = (1, float(rng.uniform(0.0, TWO_PI)))
-
-        def final(ds: float, dv: float, begin: State = State(0, phase, s, v),
-                  end: tuple[int, float] = end) -> tuple[State, EventArray]:
-            simulation = Simulation(parameters, State(
-                0, begin.phase, begin.displacement + ds, begin.velocity + dv))
-            events = simulation.advance(*end, 100)
-            return simulation.state, events
-
-        _, events = final(0.0, 0.0)
+        _, events = advanced(parameters, State(0, phase, s, v), end)
         speeds = np.abs(events['velocity'][1:])
         if len(speeds) == 0 or speeds.min() < 0.1 or len(speeds) > 8:
             continue
@@ -144,7 +144,9 @@ def test_product_of_matrices_is_the_derivative_of_the_flow(parameters: Parameter
         product = np.array([[1.0, integral], [0.0, decay]]) @ product
         columns = []
         for ds, dv in ((h, 0.0), (0.0, h)):
-            ahead, behind = final(ds, dv)[0], final(-ds, -dv)[0]
+            ahead, behind = (
+                advanced(parameters, State(0, phase, s + sign * ds, v + sign * dv), end)[0]
+                for sign in (1.0, -1.0))
             columns.append([(ahead.displacement - behind.displacement) / (2 * h),
                             (ahead.velocity - behind.velocity) / (2 * h)])
         scale = max(1.0, float(np.abs(product).max()))
