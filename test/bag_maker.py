@@ -44,17 +44,23 @@ def story(count: int = 5000) -> EventArray:
                            simulation.advance(10**6, 0.0, count - count // 2)])
 
 
+def padded(data: bytes) -> bytes:
+    """Return a serialized message of the length that DDS delivers, a multiple of four."""
+    return data + bytes(-len(data) % 4)
+
+
 def batches(events: EventArray, size: int = 100) -> list[bytes]:
     """Return the events as serialized clouds."""
     return [
-        serialize_message(cloud_from_events(events[start:start + size], Time(sec=start)))
+        padded(serialize_message(
+            cloud_from_events(events[start:start + size], Time(sec=start))))
         for start in range(0, len(events), size)
     ]
 
 
 def states(count: int) -> list[bytes]:
     """Return serialized joint states."""
-    return [serialize_message(named_values({'lambda_1': number / 8}, Time(sec=number)))
+    return [padded(serialize_message(named_values({'lambda_1': number / 8}, Time(sec=number))))
             for number in range(count)]
 
 

@@ -1,6 +1,6 @@
 """The replay's other thread: sends a bag's messages when they are due and readers keep up."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 import dataclasses
 import threading
 import time
@@ -19,9 +19,9 @@ WINDOW: Final = 64
 # Readers are waited for until nothing has changed for so long ...
 _SETTLED: Final = 1.0
 # ... at most for so long while there is none, and for so long in any case [s].
-_NOBODY: Final = 3.0
+_NOBODY: Final = 5.0
 _LONGEST: Final = 10.0
-# The clock's step, in wall time or where that is not followed in recorded time [s].
+# The clock's step, of wall time, or at speed 0 of recorded time [s].
 _CLOCK_STEP: Final = 0.01
 _AT_ONCE: Final = Duration(nanoseconds=0)
 
@@ -68,6 +68,7 @@ class Playing:
         self._span = span
         self._tick = tick
         self._ticked = 0
+        self._next_tick = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='playing', daemon=True)
         self._thread.start()
@@ -83,7 +84,7 @@ class Playing:
             while not self._stop.is_set():
                 self.state = 'playing'
                 self._play()
-                self._await_acknowledgements(list(self._outputs.values()))
+                self._await_acknowledgements()
                 if self._stop.is_set():
                     break
                 self.rounds += 1
@@ -92,6 +93,7 @@ class Playing:
         except Exception as error:
             # A bag may prove damaged only half-way through.
             self.failure = str(error) or type(error).__name__
+            self._await_acknowledgements()
         self.is_over = True
 
     def _await_readers(self) -> None:
@@ -113,37 +115,42 @@ class Playing:
         for message in self._bag.messages(list(self._outputs), span.start, span.end):
             if span.speed:
                 self._sleep(begin, message.log_time)
+            else:
+                self._step(message.log_time)
             if self._stop.is_set():
                 return
             self.position = message.log_time
-            self._show(message.log_time)
             output = self._outputs[message.topic]
             output.send(message.data)
             self.messages += 1
             if output.waiting >= output.window:
-                self._await_acknowledgements([output])
+                self._await_acknowledgement(output)
 
     def _sleep(self, begin: float, log_time: int) -> None:
         """Wait until a message is due, with the clock running on."""
         span = self._span
         due = begin + (log_time - span.start) / 1e9 / span.speed
-        while (left := due - time.monotonic()) > 0:
-            if self._stop.wait(left if self._tick is None else min(left, _CLOCK_STEP)):
+        while not self._stop.is_set():
+            now = time.monotonic()
+            if self._tick is not None and now >= self._next_tick:
+                self._next_tick = max(self._next_tick, now - _CLOCK_STEP) + _CLOCK_STEP
+                self._tick(span.start + round((min(now, due) - begin) * span.speed * 1e9))
+            if now >= due:
                 return
-            now = min(time.monotonic(), due)
-            self._show(span.start + round((now - begin) * span.speed * 1e9))
+            self._stop.wait((due if self._tick is None else min(due, self._next_tick)) - now)
 
-    def _show(self, log_time: int) -> None:
-        step = _CLOCK_STEP * (self._span.speed or 1.0) * 1e9
-        if self._tick is not None and log_time >= self._ticked + step:
+    def _step(self, log_time: int) -> None:
+        """Let the clock follow the messages, where they do not follow the clock."""
+        if self._tick is not None and log_time >= self._ticked + _CLOCK_STEP * 1e9:
             self._ticked = log_time
             self._tick(log_time)
 
-    def _await_acknowledgements(self, outputs: Sequence[Output]) -> None:
-        for output in outputs:
-            while not self._stop.is_set():
-                if output.publisher.wait_for_all_acked(PATIENCE):
-                    break
-                self.state = 'waiting for readers'
-            output.waiting = 0
+    def _await_acknowledgements(self) -> None:
+        for output in self._outputs.values():
+            self._await_acknowledgement(output)
+
+    def _await_acknowledgement(self, output: Output) -> None:
+        while not self._stop.is_set() and not output.publisher.wait_for_all_acked(PATIENCE):
+            self.state = 'waiting for readers'
+        output.waiting = 0
         self.state = 'playing'

@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ..parameters import RECORDER
-from ..qos import CLOCK, STREAM_INPUT
+from ..qos import STREAM_INPUT
 from .recording import Received, Recording
 from .shell import run_node, ShellNode, StartError
 
@@ -26,6 +26,12 @@ _LATCHED_INPUT: Final = QoSProfile(
     history=HistoryPolicy.KEEP_ALL,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+_CLOCK_INPUT: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
 )
 # The types are known, so a subscription waits for its publisher and misses no first message.
 _TOPICS: Final = (
@@ -36,7 +42,7 @@ _TOPICS: Final = (
     ('basin', Image, _LATCHED_INPUT),
     ('/diagnostics', DiagnosticArray, STREAM_INPUT),
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
-    ('/clock', Clock, CLOCK),
+    ('/clock', Clock, _CLOCK_INPUT),
 )
 _UNCOUNTED: Final = ('/diagnostics', '/parameter_events', '/clock')
 # Messages taken at one go, as going through the executor costs more than taking them.
