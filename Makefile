@@ -45,13 +45,16 @@ test: $(VENV)/test.stamp
 test-long: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -m long $(ARGS)
 
+# All of them run, whatever the first has to say.
 lint: $(VENV)/test.stamp
-	$(BIN)/ruff check $(SOURCES)
-	$(BIN)/flake8 $(SOURCES)
-	$(BIN)/ament_pep257 gear_rattle_ros
-	$(BIN)/mypy
-	$(BIN)/lint-imports
-	$(BIN)/python tools/check_manifest.py package.xml
+	@status=0; for check in \
+		'ruff check $(SOURCES)' \
+		'flake8 $(SOURCES)' \
+		'ament_pep257 gear_rattle_ros' \
+		mypy \
+		lint-imports \
+		'python tools/check_manifest.py package.xml'; \
+	do echo "== $$check"; $(BIN)/$$check || status=1; done; exit $$status
 
 bench: $(VENV)/test.stamp
 	@set -e; for script in $(sort $(wildcard benchmark/*.py)); do \

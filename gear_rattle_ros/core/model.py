@@ -159,7 +159,7 @@ class Parameters:
 
         Returns
         -------
-        Parameters
+        model : Parameters
             ``alpha = A R_e/nu``, ``beta = d/(m omega)``, ``gamma = T R/(m nu omega^2)``: the
             paper's definitions below eq. (2), with the nu that makes gamma dimensionless.
 

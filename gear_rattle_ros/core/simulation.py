@@ -291,7 +291,7 @@ class Simulation:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the kick at impacts [1]."""
+        """Return the standard deviation of the kick at impacts [1]."""
         return float(self._trajectory[0]['noise'])
 
     @noise.setter
@@ -327,7 +327,7 @@ class Simulation:
 
     @property
     def state(self) -> State:
-        """The state at the moment up to which the trajectory has been advanced."""
+        """Return the state at the moment up to which the trajectory has been advanced."""
         displacement, velocity = self._now()
         return State(self._cycle, self._phase, displacement, velocity)
 
