@@ -5,11 +5,11 @@ import math
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
 from sensor_msgs.msg import JointState
 
-from ..core.model import EventArray, Parameters, State
+from ..core.model import EVENT, EventArray
 from ..core.reconstruction import rebuild
-from ..core.simulation import Simulation
 from ..parameters import VIEWER
 from ..qos import LATCHED, STREAM
 from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
@@ -30,9 +30,10 @@ class Viewer(ShellNode):
             raise StartError(f'colour = {colour!r} is not one of {", ".join(COLOURS)}')
         mode = chosen_mode(str(self.values['mode']), save)
         # Kernels are compiled before anything comes in.
-        rebuild(Simulation(Parameters(), State()).advance(4, 0.0, 100), 0.1)
+        rebuild(np.zeros(2, EVENT), 0.1)
         self._scenes: list[Scene] = []
         self._window: Window | None = None
+        self._lost = ''
         if save:
             self._scenes.append(Scene(file_recording(save, colour), colour, thins=True))
             self.get_logger().info(f'draws to {save}')
@@ -55,8 +56,8 @@ class Viewer(ShellNode):
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return what was drawn, what was left out, and how far the drawing is behind."""
         level, message = self._holes.status()
-        if self._window is not None and not self._window.is_open:
-            level, message = 'warn', 'the viewer has been closed'
+        if self._lost:
+            level, message = 'warn', self._lost
         drawn = max((scene.drawn for scene in self._scenes), default=0)
         lag, self._lag = self._lag, 0.0
         return level, message, {
@@ -69,9 +70,10 @@ class Viewer(ShellNode):
 
     def close(self) -> None:
         """Draw the last and write out everything."""
-        for scene in self._scenes:
-            scene.draw(self._recent, self._document(), time.monotonic())
-            scene.close()
+        for scene in list(self._scenes):
+            self._draw_scene(scene, self._document(), time.monotonic())
+        for scene in list(self._scenes):
+            self._drop(scene, '')
         if self._window is not None:
             self._window.close()
 
@@ -95,32 +97,51 @@ class Viewer(ShellNode):
 
     def _draw(self) -> None:
         now = time.monotonic()
+        if self._window is not None and not self._window.is_open and not self._lost:
+            self._drop(self._scenes[-1], 'the viewer has been closed')
         document = self._document()
-        for scene in self._scenes:
+        for scene in list(self._scenes):
             if scene.is_due(now):
-                scene.draw(self._recent, document, now)
+                self._draw_scene(scene, document, now)
         if self._waiting_since < math.inf:
             self._lag = max(self._lag, time.monotonic() - self._waiting_since)
             self._waiting_since = math.inf
+
+    def _draw_scene(self, scene: Scene, document: str, now: float) -> None:
+        try:
+            scene.draw(self._recent, document, now)
+        except RuntimeError as error:
+            # Rerun's word for a lost connection and for a file that cannot be written.
+            self._drop(scene, str(error))
+
+    def _drop(self, scene: Scene, reason: str) -> None:
+        self._scenes.remove(scene)
+        try:
+            scene.close()
+        except RuntimeError as error:
+            reason = reason or str(error)
+        if reason:
+            self._lost = reason
+            self.get_logger().warning(f'nothing more is drawn there: {reason}')
 
     def _document(self) -> str:
         if self._recent.now is None:
             return 'no impacts yet'
         event = self._recent.now.event
         text, values = self._transient
-        lines = [f'**{text or "no word of the transient yet"}**', '']
+        lines = [f'**{text or "no word of the transient yet"}**']
         if 'multiplier' in values:
-            lines += [f'multiplier {float(values["multiplier"]):.4f}', '']
-        lines += [f'alpha **{event["alpha"]:g}**, beta {event["beta"]:g}, '
-                  f'gamma {event["gamma"]:g}, r {event["restitution"]:g}', '']
+            lines.append(f'multiplier {float(values["multiplier"]):.4f}')
+        lines.append(f'alpha **{event["alpha"]:g}**, beta {event["beta"]:g}, '
+                     f'gamma {event["gamma"]:g}, r {event["restitution"]:g}')
         if self._estimate:
             e = self._estimate
-            lines += ['| exponents | |', '|---|---|',
-                      f'| λ1 | {e["lambda_1"]:.5f} ± {e["lambda_1_error"]:.5f} |',
-                      f'| λ2 | {e["lambda_2"]:.5f} |',
-                      f'| sum, exact | {e["sum"]:.6f}, {e["exact_sum"]:.6f} |',
-                      f'| impacts | {e["impacts"]:.0f} |']
-        return '\n'.join(lines)
+            lines += [f'λ1 = {e["lambda_1"]:.5f} ± {e["lambda_1_error"]:.5f}',
+                      f'λ2 = {e["lambda_2"]:.5f} ± {e["lambda_2_error"]:.5f}',
+                      f'λ1 + λ2 = {e["sum"]:.6f}, exact {e["exact_sum"]:.6f}',
+                      f'over {e["impacts"]:,.0f} impacts']
+        # Two blanks make Markdown break the line.
+        return '  \n'.join(lines)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 import math
+import os
 from pathlib import Path
 import signal
 import socket
 import urllib.request
+import warnings
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -202,11 +204,33 @@ def test_a_killed_viewer_leaves_a_file_that_can_be_read(
     assert len(column(chunks, '/velocity', 'Scalars:scalars')) == len(impacts_sent(events))
 
 
-def test_web_viewer_is_on_this_machine_alone(start: Callable) -> None:
-    """The page is served on 127.0.0.1 and no other address, and ends with the node."""
+@pytest.fixture
+def port() -> int:
+    """Return a port that nobody uses."""
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
-        port = probe.getsockname()[1]
+        return int(probe.getsockname()[1])
+
+
+def test_a_viewer_that_is_closed_leaves_the_node_and_the_file(
+        start: Callable, tmp_path: Path, port: int) -> None:
+    """The node says so once, goes on, and ends quietly with a whole file."""
+    path = tmp_path / 'run.rrd'
+    viewer = start('viewer', '--ros-args', '-p', 'mode:=web', '-p', f'web_port:={port}', '-p',
+                   f'save:={path}')
+    viewer.wait_for('ready')
+    number = viewer.process.pid
+    children = Path(f'/proc/{number}/task/{number}/children').read_text().split()
+    os.kill(int(children[0]), signal.SIGTERM)
+    viewer.wait_for('nothing more is drawn there: the viewer has been closed')
+    assert viewer.stop(signal.SIGTERM) == 0, viewer.text()
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert RrdReader(str(path)).stream().to_chunks()
+
+
+def test_web_viewer_is_on_this_machine_alone(start: Callable, port: int) -> None:
+    """The page is served on 127.0.0.1 and no other address, and ends with the node."""
     viewer = start('viewer', '--ros-args', '-p', 'mode:=web', '-p', f'web_port:={port}')
     viewer.wait_for('ready')
     with urllib.request.urlopen(f'http://127.0.0.1:{port}/') as page:
