@@ -16,7 +16,7 @@ from .shell import EventInput, HoleLog, run_node, ShellNode
 
 
 # How long the last estimate may take to arrive when the node ends [s].
-LAST_WORD = 0.5
+LAST_WORD = 0.2
 
 
 class Lyapunov(ShellNode):
@@ -44,6 +44,7 @@ class Lyapunov(ShellNode):
 
     def close(self) -> None:
         """Publish the last word."""
+        self._input.drain()
         self._publish()
         self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
 

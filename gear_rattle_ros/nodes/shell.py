@@ -25,6 +25,8 @@ from ..qos import STREAM_INPUT
 
 # A signal is seen between two callbacks, or after so long without one [s].
 STOP_SEEN_WITHIN = 0.1
+# A node that ends takes in what has arrived, for so long at the most [s].
+DRAIN_WITHIN = 0.5
 
 
 class StartError(Exception):
@@ -86,6 +88,17 @@ class EventInput:
             'events_per_second': rate,
             'refused_batches': self.refused,
         }
+
+    def drain(self) -> None:
+        """Take in what has arrived: it has been acknowledged, nobody else keeps it for us."""
+        handle = self._subscription.handle
+        deadline = time.monotonic() + DRAIN_WITHIN
+        while time.monotonic() < deadline:
+            with handle:
+                taken = handle.take_message(PointCloud2, False)
+            if taken is None:
+                return
+            self._receive(taken[0])
 
     def _receive(self, cloud: PointCloud2) -> None:
         try:

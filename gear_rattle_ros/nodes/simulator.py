@@ -36,7 +36,7 @@ RAMP_SHOWN_EVERY = 0.25
 # Pause of a tick without anything to do at rate = 0 [s].
 IDLE = 0.005
 # How long the last batches may take to arrive when the node ends [s].
-LAST_BATCHES = 1.0
+LAST_BATCHES = 0.3
 BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
 
 

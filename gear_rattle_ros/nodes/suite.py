@@ -96,13 +96,13 @@ class Suite:
     """One run: its folder, its processes and its status."""
 
     def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
+        self._stop = Stop()
         self._options = options
         self._folder = _make_folder(options.output)
         (self._folder / 'log').mkdir()
         self._processes = Processes(self._folder / 'log')
         self._ros_arguments = ros_arguments
         self._status = Status(duration=options.duration)
-        self._stop = Stop()
 
     def run(self) -> None:
         """Run from the first process to the last; everything is ended in any case."""
@@ -303,6 +303,8 @@ def main(arguments: list[str] | None = None) -> int:
         suite = Suite(options, words[cut:])
         suite.run()
         suite.finish()
+    except KeyboardInterrupt:
+        return 0
     except SuiteError as error:
         print(f'suite: {error}', file=sys.stderr)
         return 2

@@ -34,6 +34,10 @@ class Transients(ShellNode):
             **self._input.counts(), **self._holes.counts(),
             'regime': self._detector.report.describe(), 'impacts': self._detector.impacts}
 
+    def close(self) -> None:
+        """Say the last word."""
+        self._input.drain()
+
     def _take(self, events: EventArray, stamp: int) -> None:
         before = self._detector.report
         changes = self._detector.update(events)
