@@ -1,5 +1,6 @@
 """What a picture of a whole run needs, gathered batch by batch in bounded memory."""
 
+from collections.abc import Iterable, Iterator
 import dataclasses
 import math
 from typing import Final
@@ -208,3 +209,59 @@ def in_words(word: Word) -> str:
     if word.report.regime is Regime.ORBIT and math.isfinite(word.report.multiplier):
         text += f' (multiplier {word.report.multiplier:.3f})'
     return text
+
+
+def digest_of(batches: Iterable[EventArray]) -> Digest:
+    """
+    Gather what a picture of a run needs.
+
+    Parameters
+    ----------
+    batches : iterable of ndarray of EVENT
+        A run, in order.
+
+    Returns
+    -------
+    Digest
+        The run; its memory does not grow with the number of batches.
+
+    Raises
+    ------
+    ValueError
+        If there is no impact in it.
+
+    """
+    digest = Digest()
+    for events in gathered(batches):
+        digest.add(events)
+    if not digest.impacts:
+        raise ValueError('there are no impacts in it')
+    return digest
+
+
+def gathered(batches: Iterable[EventArray]) -> Iterator[EventArray]:
+    """
+    Join small batches to larger ones as a run gets longer.
+
+    Parameters
+    ----------
+    batches : iterable of ndarray of EVENT
+        A run, in order.
+
+    Yields
+    ------
+    ndarray of EVENT, shape (n,)
+        The same records; each batch but the last has at least a thousandth of those so far.
+
+    """
+    waiting: list[EventArray] = []
+    count = total = 0
+    for events in batches:
+        waiting.append(events)
+        count += len(events)
+        total += len(events)
+        if 1000 * count >= total:
+            yield np.concatenate(waiting)
+            waiting, count = [], 0
+    if waiting:
+        yield np.concatenate(waiting)

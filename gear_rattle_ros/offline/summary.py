@@ -1,7 +1,6 @@
 """One picture of a bag: section, velocities, alpha, exponents, the last motion, in words."""
 
 import argparse
-from collections.abc import Iterable, Iterator
 import math
 from pathlib import Path
 import sys
@@ -18,9 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..bags import Bag, BagError
-from ..core.model import EventArray
 from ..core.reconstruction import rebuild
-from .digest import Digest, in_words, RowArray
+from .digest import Digest, digest_of, in_words, RowArray
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
 TWO_PI = 2.0 * math.pi
@@ -34,62 +32,6 @@ MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
 MAP_END: Final = 0.75
 BLUE, GREEN, VIOLET, ORANGE, GREY = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e', '#808080'
-
-
-def digest_of(batches: Iterable[EventArray]) -> Digest:
-    """
-    Gather what the picture needs.
-
-    Parameters
-    ----------
-    batches : iterable of ndarray of EVENT
-        A run, in order.
-
-    Returns
-    -------
-    Digest
-        The run; its memory does not grow with the number of batches.
-
-    Raises
-    ------
-    ValueError
-        If there is no impact in it.
-
-    """
-    digest = Digest()
-    for events in gathered(batches):
-        digest.add(events)
-    if not digest.impacts:
-        raise ValueError('there are no impacts in it')
-    return digest
-
-
-def gathered(batches: Iterable[EventArray]) -> Iterator[EventArray]:
-    """
-    Join small batches to larger ones as a run gets longer.
-
-    Parameters
-    ----------
-    batches : iterable of ndarray of EVENT
-        A run, in order.
-
-    Yields
-    ------
-    ndarray of EVENT, shape (n,)
-        The same records; each batch but the last has at least a thousandth of those so far.
-
-    """
-    waiting: list[EventArray] = []
-    count = total = 0
-    for events in batches:
-        waiting.append(events)
-        count += len(events)
-        total += len(events)
-        if 1000 * count >= total:
-            yield np.concatenate(waiting)
-            waiting, count = [], 0
-    if waiting:
-        yield np.concatenate(waiting)
 
 
 def draw(digest: Digest, name: str) -> Figure:

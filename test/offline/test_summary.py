@@ -13,8 +13,15 @@ from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline import summary
-from gear_rattle_ros.offline.digest import Digest, in_words, POINT, Thinned
-from gear_rattle_ros.offline.summary import digest_of, draw, gathered, save
+from gear_rattle_ros.offline.digest import (
+    Digest,
+    digest_of,
+    gathered,
+    in_words,
+    POINT,
+    Thinned,
+)
+from gear_rattle_ros.offline.summary import draw, save
 
 
 def story(periods: int = 600) -> list[EventArray]:
