@@ -346,7 +346,7 @@ def release_delay(towards: float, phase: float, alpha: float, beta: float,
 @kernel
 def later(phase: float, d: float) -> tuple[int, float]:
     """
-    Drive phase after a time, without loss of digits.
+    Drive phase after a time, to the rounding of that time.
 
     Parameters
     ----------

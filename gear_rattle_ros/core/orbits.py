@@ -18,8 +18,11 @@ IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 LONGEST_ORBIT: Final = 64
 # Twelve recurrences happen by chance near unstable orbits; so many more must follow.
 HOLD: Final = 200
-# A candidate that is still approaching is looked at again after so many impacts.
+# A candidate that is still approaching is looked at again after so many impacts, or an eighth of
+# those for which it has recurred ...
 PATIENCE: Final = 64
+# ... over so many of the last impacts.
+LOOK: Final = 1024
 # Impacts kept: a lifetime is counted back so far from where an orbit is recognised.
 HISTORY: Final = 65536
 # So much of the tolerance may be left of the approach.
@@ -35,6 +38,7 @@ SECTION: Final = np.dtype(
         ('phase', np.float64),
         ('velocity', np.float64),
         ('flight_time', np.float64),
+        ('sticks', np.int64),
     ],
     align=True,
 )
@@ -43,6 +47,7 @@ WATCH: Final = np.dtype(
         ('impacts', np.int64),
         ('time', np.float64),
         ('locked', np.int64),
+        ('next_look', np.int64),
         ('recurrences', np.int64, LONGEST_ORBIT + 1),
     ],
     align=True,
@@ -201,6 +206,7 @@ def restart(watch):  # type: ignore[no-untyped-def]
     """
     watch.impacts = 0
     watch.locked = 0
+    watch.next_look = 0
     watch.recurrences[:] = 0
 
 
@@ -248,6 +254,7 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
         here.phase = event.phase
         here.velocity = event.velocity
         here.flight_time = w.time
+        here.sticks = 1 if event.kind == STICK else 0
         w.time = 0.0
         w.impacts = n + 1
         # The flight to the first impact began anywhere: it recurs with nothing.
@@ -256,8 +263,7 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
         for q in range(1, longest + 1):
             if distance(here, history[(n - q) % HISTORY]) <= tolerance:
                 w.recurrences[q] += 1
-                excess = w.recurrences[q] - (2 * q + HOLD)
-                if found == 0 and excess >= 0 and excess % PATIENCE == 0:
+                if found == 0 and w.recurrences[q] >= 2 * q + HOLD:
                     found = q
             else:
                 w.recurrences[q] = 0
@@ -268,7 +274,8 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
             if w.recurrences[w.locked] == 0:
                 restart(w)
                 return i + 1, LEFT, 0
-        elif found > 0:
+        elif found > 0 and w.impacts >= w.next_look:
+            w.next_look = w.impacts + max(PATIENCE, w.recurrences[found] // 8)
             return i + 1, CANDIDATE, found
     return len(events), NOTHING, 0
 
@@ -380,9 +387,7 @@ class TransientDetector:
     def _confirm(self, period: int) -> TransientReport | None:
         watch: Any = self._watch[0]
         n = int(watch['impacts'])
-        # Oldest first; the very first impact of a transient has no flight time.
-        kept = min(n - 1, HISTORY)
-        past = self._history[np.arange(n - kept, n) % HISTORY]
+        past = self._past(min(n - 1, LOOK))
         # A slow approach from alternating sides recurs at a multiple of the period first.
         found = next(
             (p for p in range(1, period + 1)
@@ -391,18 +396,22 @@ class TransientDetector:
             return None
         period = found
         turns = round(float(np.sum(past['flight_time'][-period:])) / TWO_PI)
-        run = min(int(watch['recurrences'][period]), kept - period)
+        run = min(int(watch['recurrences'][period]), len(past) - period)
         recurrences = _distances(past[-run:], past[-run - period:-period])
         multiplier, remaining = _approach(recurrences, period)
         if remaining > APPROACHED * self._tolerance:
             return None
         orbit = past[-period:]
+        if np.any(orbit['sticks']):
+            multiplier = 0.0
+        kept = min(n - 1, HISTORY)
+        past = self._past(kept)
         aligned = orbit[np.arange(-kept, 0) % period]
         outside = np.flatnonzero(_distances(past, aligned) > self._tolerance)
         first = n - kept + (int(outside[-1]) + 1 if len(outside) else 0)
         watch['locked'] = period
         start = self._report.start
-        points = [OrbitPoint(*(value.item() for value in point)) for point in orbit]
+        points = [OrbitPoint(*point.item()[:4]) for point in orbit]
         least = min(range(period), key=lambda k: (points[k].side, points[k].phase))
         return TransientReport(
             Regime.ORBIT,
@@ -415,6 +424,11 @@ class TransientDetector:
             multiplier=multiplier,
             points=tuple(points[least:] + points[:least]),
         )
+
+    def _past(self, count: int) -> npt.NDArray[np.void]:
+        # Oldest first; the very first impact of a transient has no flight time.
+        n = int(self._watch[0]['impacts'])
+        return self._history[np.arange(n - count, n) % HISTORY]
 
     def _is_period(self, past: npt.NDArray[np.void], period: int, over: int) -> bool:
         apart = _distances(past[-over:], past[-over - period:-period])
@@ -437,7 +451,7 @@ def _approach(recurrences: npt.NDArray[np.float64], period: int) -> tuple[float,
     nearest = float(np.max(recurrences[-period:]))
     seen = np.flatnonzero(recurrences > ROUNDING_FLOOR)
     if len(seen) < max(2 * period, 8):
-        return (0.0 if not np.any(recurrences[period:]) else math.nan), nearest
+        return math.nan, nearest
     slope = np.polyfit(seen.astype(float), np.log(recurrences[seen]), 1)[0]
     multiplier = math.exp(float(slope) * period)
     if nearest <= ROUNDING_FLOOR:
