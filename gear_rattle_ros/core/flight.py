@@ -151,6 +151,32 @@ def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta
 
 
 @kernel
+def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
+                 gamma: float) -> tuple[float, float]:
+    """
+    Closed-form flight over a leg of whole drive periods: the drive is where it was, exactly.
+
+    Parameters
+    ----------
+    cos_p : float
+        Of the phase at which the leg began [1].
+    v0 : float
+        Velocity at its beginning [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    tuple of float
+        Displacement since the beginning, and velocity [1].
+
+    """
+    decay, integral, second = relaxation(LEG, beta)
+    moved = (v0 - alpha * cos_p) * integral + gamma * second
+    return moved, v0 * decay + (gamma + alpha * beta * cos_p) * integral
+
+
+@kernel
 def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta: float,
                  gamma: float) -> float:
     """

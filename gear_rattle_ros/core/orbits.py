@@ -136,8 +136,10 @@ class TransientReport:
 
         """
         if self.regime is Regime.ORBIT:
-            return (f'orbit of {self.period_impacts} impacts in {self.period_drive} drive '
-                    f'periods, after {self.lifetime} impacts')
+            impacts = 'impact' if self.period_impacts == 1 else 'impacts'
+            periods = 'period' if self.period_drive == 1 else 'periods'
+            return (f'orbit of {self.period_impacts} {impacts} in {self.period_drive} drive '
+                    f'{periods}, after {self.lifetime} impacts')
         if self.regime is Regime.REST:
             return f'at rest on a wall for ever, after {self.lifetime} impacts'
         return f'transient since impact {self.start}'

@@ -11,6 +11,7 @@ from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
 from .flight import (
     displace,
+    displace_leg,
     elapsed,
     FLYING,
     is_pressed,
@@ -218,9 +219,8 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
         if t.wall == NO_WALL:
             if t.searched < LEG or left < LEG:
                 break
-            sine, cosine = sine_cosine(t.phase)
-            moved, velocity, _, _ = displace(LEG, sine, cosine, t.velocity, t.alpha, t.beta,
-                                             t.gamma)
+            cosine = sine_cosine(t.phase)[1]
+            moved, velocity = displace_leg(cosine, t.velocity, t.alpha, t.beta, t.gamma)
             t.displacement = min(max(t.displacement + moved, -1.0), 0.0)
             t.velocity = velocity
             t.cycle += LEG_PERIODS

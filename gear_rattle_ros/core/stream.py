@@ -4,8 +4,11 @@ import dataclasses
 
 import numpy as np
 
+from .compiled import kernel
 from .model import EventArray, EventKind
 
+
+STICK, RETUNE = int(EventKind.STICK), int(EventKind.RETUNE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +34,37 @@ class Piece:
     follows: bool
     lost: int
     reason: str
+
+
+@kernel
+def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
+    """
+    Hold every record against the one before it.
+
+    Parameters
+    ----------
+    last : ndarray of EVENT, shape (1,)
+        The record before the first; kind, index and epoch are enough.
+    events : ndarray of EVENT, shape (n,)
+        The records.
+    jumps : ndarray of int32, shape (n,)
+        Filled with the impacts missing before each, negative where the numbers run backwards.
+    follows : ndarray of bool, shape (n,)
+        Filled with whether each follows from the one before.
+
+    """
+    p = last[0]
+    kind, index, epoch = p.kind, p.index, p.epoch
+    for i in range(len(events)):
+        event = events[i]
+        counted = 1 if event.kind <= STICK else 0
+        begins = 1 if event.kind >= RETUNE else 0
+        jumps[i] = np.int32(np.uint32(event.index - index - counted))
+        # A mass that sticks hits nothing before it is released.
+        follows[i] = (
+            jumps[i] == 0 and np.uint32(event.epoch - epoch - begins) == 0
+            and not (kind == STICK and counted == 1))
+        kind, index, epoch = event.kind, event.index, event.epoch
 
 
 class StreamGuard:
@@ -74,35 +108,24 @@ class StreamGuard:
         """
         if not len(events):
             return []
+        is_first = self._last is None
         if self._last is None:
             self.first_index = int(events['index'][0])
-            chain = events
-            follows = np.empty(len(events), bool)
-            follows[0] = False
-            first = 1
-        else:
-            chain = np.concatenate([self._last, events])
-            follows = np.empty(len(events), bool)
-            first = 0
-        before, after = chain[:-1], chain[1:]
-        counted = after['kind'] <= EventKind.STICK
-        begins = after['kind'] >= EventKind.RETUNE
-        # A mass that sticks hits nothing before it is released.
-        lone = (before['kind'] == EventKind.STICK) & counted
-        expected = before['index'] + counted.astype(np.uint32)
-        jump = (after['index'] - expected).astype(np.int32)
-        follows[first:] = (jump == 0) & ~lone & (
-            after['epoch'] == before['epoch'] + begins.astype(np.uint32))
+            self._last = events[:1]
+        jumps = np.empty(len(events), np.int32)
+        follows = np.empty(len(events), np.bool_)
+        compare(self._last, events, jumps, follows)
+        follows[0] &= not is_first
         pieces = []
         cuts = [0, *(int(i) for i in np.flatnonzero(~follows) if i > 0), len(events)]
         for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
             piece = events[start:stop]
             if follows[start]:
                 pieces.append(Piece(piece, True, 0, ''))
-            elif self._last is None and start == 0:
+            elif is_first and start == 0:
                 pieces.append(Piece(piece, False, 0, 'start'))
             else:
-                pieces.append(self._hole(piece, int(jump[start - first])))
+                pieces.append(self._hole(piece, int(jumps[start])))
         self._last = events[-1:].copy()
         return pieces
 
