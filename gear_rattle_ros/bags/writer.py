@@ -170,7 +170,7 @@ class BagWriter:
 
     def flush(self) -> None:
         """
-        Close the open chunk and put everything on the disk.
+        Close the open chunk and hand everything to the operating system.
 
         Raises
         ------
@@ -182,6 +182,18 @@ class BagWriter:
             if self._open_chunk:
                 self._writer.flush()
                 self._settle()
+
+    def sync(self) -> None:
+        """
+        Wait until the disk has what the operating system was given; any thread may call it.
+
+        Raises
+        ------
+        BagError
+            If the disk cannot take it.
+
+        """
+        with self._guarded():
             self._file.sync()
 
     def write_metadata(self) -> None:
