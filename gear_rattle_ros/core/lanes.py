@@ -32,6 +32,7 @@ from .flight import (
     later,
     LEG,
     LEG_PERIODS,
+    reach,
     rebound,
     release_delay,
 )
@@ -65,6 +66,9 @@ IMPACT: Final = np.dtype(
 )
 
 LaneArray: TypeAlias = npt.NDArray[np.void]
+
+# For `advance` where impacts are only counted.
+NO_IMPACTS: Final[LaneArray] = np.zeros((LANES, 0), IMPACT)
 
 
 def new_tiles(count: int) -> LaneArray:
@@ -163,7 +167,10 @@ def settle(tile, i):  # type: ignore[no-untyped-def]
             sine, cosine = sine_cosine(tile.phase[i])
         if tile.end[i] == RUNS:
             force = acceleration(sine, cosine, 0.0, alpha, beta, gamma)
-            tile.duration[i] = departure(sine, cosine, force, alpha, beta, gamma)
+            # Off this wall for so long, and not at the other one yet; as `search_impact`.
+            bound = alpha + abs(gamma + beta * alpha * cosine)
+            tile.duration[i] = min(departure(sine, cosine, force, alpha, beta, gamma),
+                                   reach(1.0, 0.0, bound))
     evaluate(tile, i)
 
 
@@ -352,7 +359,8 @@ def advance(tile, impacts, steps):  # type: ignore[no-untyped-def]
         stops for good when its trajectory ends (`end`), and parks just after the impact with
         which it has none `left`.
     impacts : ndarray of IMPACT, shape (LANES, room)
-        Receives them, a row for each lane; `room` is more than `steps`, or 0 to write nothing.
+        Receives them, a row for each lane; `room` is more than `steps`.
+        NO_IMPACTS to write nothing.
     steps : int
         How many steps; each is an impact at the most.
 
@@ -365,14 +373,16 @@ def advance(tile, impacts, steps):  # type: ignore[no-untyped-def]
     room = impacts.shape[1]
     if impacts.shape[0] != LANES or 0 < room <= steps:
         raise ValueError('no room for the impacts')
+    row = np.uint64(room)
+    flat = impacts.reshape(impacts.size)
     for i in range(LANES):
         tile.count[i] = 0
     for _ in range(steps):
         special = step(tile)
         if room > 0:
             for i in range(LANES):
-                # Written whether there is one or not: cheaper than to ask.
-                impact = impacts[i, tile.count[i]]
+                # Written whether there is one or not, which is cheaper than to ask.
+                impact = flat[np.uint64(i) * row + np.uint64(tile.count[i])]
                 impact.cycle = tile.cycle[i]
                 impact.phase = tile.phase[i]
                 impact.velocity = tile.impact_velocity[i]

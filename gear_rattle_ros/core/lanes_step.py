@@ -7,13 +7,12 @@ over the lanes into SIMD code; the results have the same bits. A step is taken i
 tile and moves the other, which keeps the divider and the multipliers busy together.
 """
 
-import math
 from typing import Any, Final
 
 from llvmlite import ir
 import numba
 from numba import types
-from numba.extending import intrinsic
+import numba.extending
 import numpy as np
 
 from .compiled import kernel
@@ -61,7 +60,9 @@ TILE: Final = np.dtype(
         ('behind', np.float64, LANES),
         ('horizon', np.float64, LANES),
         ('step', np.float64, LANES),
+        ('jerk_bound', np.float64, LANES),
         ('returns', np.float64, LANES),
+        ('aimed', np.float64, LANES),
         # After the step, on the way to the rows above. (A row that is loaded, selected and stored
         # to the same place makes a masked store, which stalls the next load.)
         ('next_step', np.float64, LANES),
@@ -86,7 +87,9 @@ TILE: Final = np.dtype(
     align=True,
 )
 
-inlined = numba.njit(error_model='numpy', nogil=True, forceinline=True)
+# Both untyped in numba.
+intrinsic: Any = numba.extending.intrinsic
+inlined: Any = numba.njit(error_model='numpy', nogil=True, forceinline=True)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -172,6 +175,7 @@ def look_ahead(t, i):  # type: ignore[no-untyped-def]
     t.speed[i] = u
     t.pull[i] = f
     t.jerk[i] = j
+    t.jerk_bound[i] = bound_3
     t.ahead[i] = ahead
     t.behind[i] = choose(rising, lower, upper)
 
@@ -186,7 +190,7 @@ def look_behind(t, i):  # type: ignore[no-untyped-def]
     alpha = t.alpha[i]
     beta = t.beta[i]
     relax_1 = beta * (t.gamma[i] - beta * (t.velocity_now[i] - alpha * t.cosine_now[i]))
-    bound_3 = alpha + abs(relax_1)
+    bound_3 = t.jerk_bound[i]
     u = t.speed[i]
     f = t.pull[i]
     front = t.step[i]
@@ -204,72 +208,104 @@ def look_behind(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def close_in(t, i):  # type: ignore[no-untyped-def]
-    """
-    Find the impact of lane i, or a longer step, by Taylor's polynomial of the fifth order.
-
-    Two steps of Newton's method; where the velocity certainly stays positive the zero is the
-    first impact, and less than it by more than all errors is a certain step.
-    """
+def taylor(t, i):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of the velocity towards the wall ahead, from the second on."""
     alpha = t.alpha[i]
     beta = t.beta[i]
-    velocity = t.velocity_now[i]
     towards = t.towards[i]
+    drive_sine = alpha * t.sine_now[i]
     drive_cosine = alpha * t.cosine_now[i]
-    relax = t.gamma[i] - beta * (velocity - drive_cosine)
-    relax_1 = beta * relax
-    relax_2 = beta * relax_1
+    relax = t.gamma[i] - beta * (t.velocity_now[i] - drive_cosine)
+    square = beta * beta
+    relax_2 = square * relax
     relax_3 = beta * relax_2
-    bound_2 = alpha + abs(relax)
-    bound_3 = alpha + abs(relax_1)
-    bound_6 = alpha + abs(beta * relax_3)
-    # Of the polynomial's second derivative up to NEAR: with its remainder, 5/3 of this.
-    bend = choose(bound_2 > bound_6, bound_2, bound_6)
+    relax_4 = square * relax_2
+    relax_5 = square * relax_3
+    # The largest of the second and the eighth derivative of the displacement.
+    relax_6 = square * relax_4
+    bend = alpha + choose(abs(relax_6) > abs(relax), abs(relax_6), abs(relax))
+    return (
+        0.5 * t.jerk[i],
+        (1.0 / 6.0) * (towards * (drive_sine + relax_2)),
+        (1.0 / 24.0) * (towards * (drive_cosine - relax_3)),
+        (1.0 / 120.0) * (towards * (relax_4 - drive_sine)),
+        (1.0 / 720.0) * (towards * (-drive_cosine - relax_5)),
+        (1.0 / 5040.0) * (towards * (drive_sine + relax_6)),
+        bend,
+    )
+
+
+@inlined
+def taylor_speed(x, u, f, c2, c3, c4, c5, c6):  # type: ignore[no-untyped-def]
+    """Speed after time x by Taylor's polynomial."""
+    y = x * x
+    return ((u + x * f) + y * (c2 + x * c3)) + (y * y) * (c4 + x * (c5 + x * c6))
+
+
+@inlined
+def taylor_way(x, u, f, c2, c3, c4, c5, c6):  # type: ignore[no-untyped-def]
+    """Way in time x by Taylor's polynomial."""
+    y = x * x
+    return x * (
+        ((u + x * (0.5 * f)) + y * ((1.0 / 3.0) * c2 + x * (0.25 * c3)))
+        + (y * y) * (0.2 * c4 + x * ((1.0 / 6.0) * c5 + x * ((1.0 / 7.0) * c6))))
+
+
+@inlined
+def aim(t, i):  # type: ignore[no-untyped-def]
+    """Improve the time to the wall ahead by a step of Newton's method."""
     u = t.speed[i]
     f = t.pull[i]
-    j = 0.5 * t.jerk[i]
-    k = (1.0 / 6.0) * (towards * (alpha * t.sine_now[i] + relax_2))
-    m = (1.0 / 24.0) * (towards * (drive_cosine - relax_3))
-    half = 0.5 * f
-    third = (1.0 / 3.0) * j
-    fourth = 0.25 * k
-    fifth = 0.2 * m
-    ahead = t.ahead[i]
+    c2, c3, c4, c5, c6, _, _ = taylor(t, i)
     x = t.horizon[i]
-    way = x * (u + x * (half + x * (third + x * (fourth + x * fifth))))
-    speed = u + x * (f + x * (j + x * (k + x * m)))
-    x -= (way - ahead) / speed
-    way = x * (u + x * (half + x * (third + x * (fourth + x * fifth))))
-    speed = u + x * (f + x * (j + x * (k + x * m)))
+    t.aimed[i] = x - ((taylor_way(x, u, f, c2, c3, c4, c5, c6) - t.ahead[i])
+                      / taylor_speed(x, u, f, c2, c3, c4, c5, c6))
+
+
+@inlined
+def close_in(t, i):  # type: ignore[no-untyped-def]
+    """
+    Find the impact of lane i, or a longer step, by Taylor's polynomial of the seventh order.
+
+    Where the velocity certainly stays positive the zero is the first impact, and less than it by
+    more than all errors is a certain step.
+    """
+    u = t.speed[i]
+    f = t.pull[i]
+    c2, c3, c4, c5, c6, c7, bend = taylor(t, i)
+    x = t.aimed[i]
+    ahead = t.ahead[i]
+    speed = taylor_speed(x, u, f, c2, c3, c4, c5, c6)
     inverse = 1.0 / speed
-    change = (way - ahead) * inverse
+    change = (taylor_way(x, u, f, c2, c3, c4, c5, c6) - ahead) * inverse
     last = x - change
-    # The remainder of Taylor's formula and that of Newton's, both over-estimated.
-    square = last * last
-    error = bend * (change * change + square * square * square * (1.0 / 360.0))
-    margin = 4.0 * error * inverse
+    # The remainders of Newton's method and of Taylor's formula. Up to NEAR the polynomial's second
+    # derivative is at most 5/4 of `bend`.
+    power = last * last
+    power = power * power
+    error = bend * (change * change + power * power * (1.0 / 40320.0))
+    margin = 2.0 * error * inverse
     change = abs(change)
     longest = x + change
     certain = (
         (u > 0.0) & (x >= 0.0) & (longest < NEAR) & (last >= margin)
-        & (u + longest * (f - 0.5 * bound_3 * longest) > 0.0)
+        & (u + longest * (f - 0.5 * t.jerk_bound[i] * longest) > 0.0)
         & (bend * (margin + change) < 0.25 * speed))
-    impact_speed = u + last * (f + last * (j + last * (k + last * m)))
+    impact_speed = taylor_speed(last, u, f, c2, c3, c4, c5, c6 + last * c7)
     d = t.duration[i]
     ends = certain & (error < LAST_STEP_ERROR * impact_speed * (d + last))
     near = last - margin
     step = t.step[i]
     returns = t.returns[i] != 0.0
     step = choose(certain & ((near > step) | returns), near, step)
-    towards = choose(returns & (not certain), -towards, towards)
-    hits = (ends | (d + step == d)) & (t.left[i] > 0.0)
-    before = choose(ends, impact_speed, towards * velocity)
-    before = towards * choose(before > 0.0, before, 0.0)
-    step = choose(ends, last, step)
-    t.next_step[i] = choose(t.left[i] > 0.0, step, 0.0)
+    towards = choose(returns & (not certain), -t.towards[i], t.towards[i])
+    before = choose(ends, impact_speed, towards * t.velocity_now[i])
+    is_active = t.left[i] > 0.0
+    hits = (ends | (d + step == d)) & is_active
+    t.next_step[i] = choose(is_active, choose(ends, last, step), 0.0)
     t.next_towards[i] = towards
     t.has_hit[i] = hits
-    t.impact_velocity[i] = before
+    t.impact_velocity[i] = towards * choose(before > 0.0, before, 0.0)
 
 
 @inlined
@@ -343,7 +379,8 @@ def fly(t, i):  # type: ignore[no-untyped-def]
                          + alpha * (cos_p * (beta * integral - versine) - sin_p * sine))
     t.sine_now[i] = sin_p + (cos_p * sine - sin_p * versine)
     t.cosine_now[i] = cos_p - (cos_p * versine + sin_p * sine)
-    special = ((t.has_hit[i] != 0) & (abs(v0) < STICKING_SPEED)) | (x >= 1.0) | (d >= LEG)
+    special = (((t.has_hit[i] != 0) & (abs(v0) < STICKING_SPEED))
+               | ((t.left[i] > 0.0) & ((x >= 1.0) | (d >= LEG))))
     t.is_special[i] = special
     return np.int64(special)
 
@@ -370,6 +407,8 @@ def step(t):  # type: ignore[no-untyped-def]
         look_ahead(t, i)
     for i in range(LANES):
         look_behind(t, i)
+    for i in range(LANES):
+        aim(t, i)
     for i in range(LANES):
         close_in(t, i)
     for i in range(LANES):

@@ -1,0 +1,279 @@
+/*
+ * The step of core/lanes_step.py written by hand in C, as a yardstick for benchmark/lanes.py.
+ *
+ * Rows and formulas are those of the Python file, in the same order; compiled without contraction
+ * both give the same bits. LANES comes from the command line of the compiler.
+ */
+
+#include <math.h>
+#include <stdint.h>
+
+typedef double row[LANES];
+typedef int64_t whole[LANES];
+
+typedef struct {
+    whole cycle;
+    row phase, displacement, velocity, sine, cosine, alpha, beta, gamma, restitution, left;
+    row duration, moved, velocity_now, sine_now, cosine_now;
+    row towards, speed, pull, jerk, ahead, behind, horizon, step, jerk_bound, returns, aimed;
+    row next_step, next_towards, next_displacement, next_velocity, next_sine, next_cosine;
+    row sine_half, cosine_half, impact_velocity;
+    whole has_hit, is_special, count, start, end;
+} tile;
+
+typedef struct {
+    double c2, c3, c4, c5, c6, c7, bend;
+} series;
+
+#define ALWAYS static inline __attribute__((always_inline))
+#define EACH for (int i = 0; i < LANES; i++)
+
+static const double two_pi = 6.283185307179586, two_pi_tail = 2.4492935982947064e-16;
+
+ALWAYS double clip(double x) { return x > 0.0 ? x : 0.0; }
+
+ALWAYS double sine_series(double y)
+{
+    double z = y * y;
+    return y * (1.0 / 120 + z * (1.0 / 362880 + z * (1.0 / 6227020800
+                + z * (1.0 / 355687428096000))))
+        - (1.0 / 6 + z * (1.0 / 5040 + z * (1.0 / 39916800 + z * (1.0 / 1307674368000))));
+}
+
+ALWAYS series taylor(const tile *t, int i)
+{
+    double alpha = t->alpha[i], beta = t->beta[i], towards = t->towards[i];
+    double drive_sine = alpha * t->sine_now[i], drive_cosine = alpha * t->cosine_now[i];
+    double relax = t->gamma[i] - beta * (t->velocity_now[i] - drive_cosine);
+    double square = beta * beta, relax_2 = square * relax, relax_3 = beta * relax_2;
+    double relax_4 = square * relax_2, relax_5 = square * relax_3, relax_6 = square * relax_4;
+    series s = {
+        0.5 * t->jerk[i],
+        (1.0 / 6.0) * (towards * (drive_sine + relax_2)),
+        (1.0 / 24.0) * (towards * (drive_cosine - relax_3)),
+        (1.0 / 120.0) * (towards * (relax_4 - drive_sine)),
+        (1.0 / 720.0) * (towards * (-drive_cosine - relax_5)),
+        (1.0 / 5040.0) * (towards * (drive_sine + relax_6)),
+        alpha + (fabs(relax_6) > fabs(relax) ? fabs(relax_6) : fabs(relax)),
+    };
+    return s;
+}
+
+ALWAYS double taylor_speed(double x, double u, double f, series s)
+{
+    double y = x * x;
+    return ((u + x * f) + y * (s.c2 + x * s.c3)) + (y * y) * (s.c4 + x * (s.c5 + x * s.c6));
+}
+
+ALWAYS double taylor_way(double x, double u, double f, series s)
+{
+    double y = x * x;
+    return x * (((u + x * (0.5 * f)) + y * ((1.0 / 3.0) * s.c2 + x * (0.25 * s.c3)))
+                + (y * y) * (0.2 * s.c4 + x * ((1.0 / 6.0) * s.c5 + x * ((1.0 / 7.0) * s.c6))));
+}
+
+static void look_ahead(tile *restrict t)
+{
+    EACH {
+        double alpha = t->alpha[i], beta = t->beta[i], velocity = t->velocity_now[i];
+        double drive_cosine = alpha * t->cosine_now[i];
+        double relax = t->gamma[i] - beta * (velocity - drive_cosine);
+        double relax_1 = beta * relax, bound_3 = alpha + fabs(relax_1);
+        int rising = velocity > 0.0;
+        double towards = rising ? 1.0 : -1.0, u = fabs(velocity);
+        double f = towards * (relax - alpha * t->sine_now[i]);
+        double j = towards * (-drive_cosine - relax_1);
+        double upper = clip(-t->displacement[i] - t->moved[i]);
+        double lower = clip(1.0 + t->displacement[i] + t->moved[i]);
+        double ahead = rising ? upper : lower;
+        double discriminant = u * u + 2.0 * f * ahead, root = sqrt(discriminant);
+        int moves = u > 0.0;
+        int recedes = (discriminant < 0.0) | ((u <= 0.0) & (f <= 0.0));
+        double horizon = (recedes ? 2.5 * fabs(f) : moves ? 2.0 * ahead : root)
+            / (recedes ? bound_3 : moves ? u + root : f);
+        horizon = recedes & !(horizon > 0.3) ? 0.3 : horizon;
+        horizon = horizon < 10.0 ? horizon : 10.0;
+        double c = j + (alpha + fabs(beta * relax_1)) * horizon * 0.25;
+        c = c < bound_3 ? c : bound_3;
+        c = clip(c);
+        double bent = f + c * horizon * (1.0 / 3.0);
+        root = sqrt(u * u + 2.0 * bent * ahead);
+        double front = (moves ? 2.0 * ahead : root) / (moves ? u + root : bent);
+        int reaches = (moves | (bent > 0.0)) & (front < horizon);
+        t->step[i] = reaches ? front : horizon;
+        t->horizon[i] = horizon;
+        t->towards[i] = towards;
+        t->speed[i] = u;
+        t->pull[i] = f;
+        t->jerk[i] = j;
+        t->jerk_bound[i] = bound_3;
+        t->ahead[i] = ahead;
+        t->behind[i] = rising ? lower : upper;
+    }
+}
+
+static void look_behind(tile *restrict t)
+{
+    EACH {
+        double alpha = t->alpha[i], beta = t->beta[i];
+        double relax_1 = beta * (t->gamma[i] - beta * (t->velocity_now[i]
+                                                       - alpha * t->cosine_now[i]));
+        double bound_3 = t->jerk_bound[i], u = t->speed[i], f = t->pull[i], front = t->step[i];
+        double c = (alpha + fabs(beta * relax_1)) * front * 0.25 - t->jerk[i];
+        c = c < bound_3 ? c : bound_3;
+        c = clip(c);
+        double q = c * front * (1.0 / 3.0) - f, behind = t->behind[i];
+        double way = u + sqrt(u * u + 2.0 * q * behind);
+        int bends = way * c < 3.0 * f * q;
+        double back = (bends ? 3.0 * f : way) / (bends ? c : q);
+        int returns = (front * (0.5 * q * front - u) > behind) & (back < front);
+        t->step[i] = returns ? back : front;
+        t->returns[i] = returns ? 1.0 : 0.0;
+    }
+}
+
+static void aim(tile *restrict t)
+{
+    EACH {
+        double u = t->speed[i], f = t->pull[i], x = t->horizon[i];
+        series s = taylor(t, i);
+        t->aimed[i] = x - (taylor_way(x, u, f, s) - t->ahead[i]) / taylor_speed(x, u, f, s);
+    }
+}
+
+static void close_in(tile *restrict t)
+{
+    EACH {
+        double u = t->speed[i], f = t->pull[i], x = t->aimed[i], ahead = t->ahead[i];
+        series s = taylor(t, i);
+        double speed = taylor_speed(x, u, f, s), inverse = 1.0 / speed;
+        double change = (taylor_way(x, u, f, s) - ahead) * inverse, last = x - change;
+        double power = last * last;
+        power = power * power;
+        double error = s.bend * (change * change + power * power * (1.0 / 40320.0));
+        double margin = 2.0 * error * inverse;
+        change = fabs(change);
+        double longest = x + change;
+        int certain = (u > 0.0) & (x >= 0.0) & (longest < 2.0) & (last >= margin)
+            & (u + longest * (f - 0.5 * t->jerk_bound[i] * longest) > 0.0)
+            & (s.bend * (margin + change) < 0.25 * speed);
+        s.c6 = s.c6 + last * s.c7;
+        double impact_speed = taylor_speed(last, u, f, s), d = t->duration[i];
+        int ends = certain & (error < 1e-16 * impact_speed * (d + last));
+        double near = last - margin, step = t->step[i];
+        int returns = t->returns[i] != 0.0;
+        step = certain & ((near > step) | returns) ? near : step;
+        double towards = returns & !certain ? -t->towards[i] : t->towards[i];
+        double before = ends ? impact_speed : towards * t->velocity_now[i];
+        int is_active = t->left[i] > 0.0;
+        int hits = (ends | (d + step == d)) & is_active;
+        t->next_step[i] = is_active ? (ends ? last : step) : 0.0;
+        t->next_towards[i] = towards;
+        t->has_hit[i] = hits;
+        t->impact_velocity[i] = towards * clip(before);
+    }
+}
+
+static void strike(tile *restrict t)
+{
+    EACH {
+        int hits = t->has_hit[i] != 0;
+        double d = t->duration[i] + t->next_step[i], phase = t->phase[i], x = hits ? d : 0.0;
+        double total = phase + x, part = total - phase;
+        double rounding = (phase - (total - part)) + (x - part);
+        double periods = floor(total / two_pi);
+        double rest = (total - periods * two_pi) + (rounding - periods * two_pi_tail);
+        int under = rest < 0.0;
+        rest = under ? rest + two_pi : rest;
+        periods = under ? periods - 1.0 : periods;
+        int over = rest >= two_pi;
+        rest = over ? clip(rest - two_pi) : rest;
+        periods = over ? periods + 1.0 : periods;
+        int same = total < two_pi;
+        t->cycle[i] += (int64_t)(same ? 0.0 : periods);
+        t->phase[i] = same ? total : rest;
+        t->duration[i] = hits ? 0.0 : d;
+        t->left[i] -= hits ? 1.0 : 0.0;
+        double after = -t->restitution[i] * t->impact_velocity[i];
+        t->next_velocity[i] = hits ? after : t->velocity[i];
+        t->next_displacement[i] = hits ? (t->next_towards[i] > 0.0 ? 0.0 : -1.0)
+                                       : t->displacement[i];
+    }
+}
+
+static void turn(tile *restrict t)
+{
+    EACH {
+        double d = t->duration[i];
+        int begins = d == 0.0;
+        double x = begins ? t->phase[i] : 0.5 * d;
+        double k = rint(x * (2.0 / M_PI));
+        double r = ((x - k * 0x1.921fb544p+0) - k * 0x1.0b4611a6p-34) - k * 0x1.3198a2e037073p-69;
+        double y = r * r, z = y * y, sine = r + r * (y * sine_series(y));
+        double half = 0.5 * y, w = 1.0 - half;
+        double cosine = w + (((1.0 - w) - half) + z * (
+            (1.0 / 24 + z * (1.0 / 40320 + z * (1.0 / 479001600 + z * (1.0 / 20922789888000))))
+            - y * (1.0 / 720 + z * (1.0 / 3628800 + z * (
+                1.0 / 87178291200 + z * (1.0 / 6402373705728000))))));
+        int64_t quadrant = (int64_t)k;
+        int odd = (quadrant & 1) != 0;
+        double s = (1.0 - (double)(quadrant & 2)) * (odd ? cosine : sine);
+        double c = (1.0 - (double)((quadrant + 1) & 2)) * (odd ? sine : cosine);
+        t->next_sine[i] = begins ? s : t->sine[i];
+        t->next_cosine[i] = begins ? c : t->cosine[i];
+        t->sine_half[i] = begins ? 0.0 : s;
+        t->cosine_half[i] = begins ? 1.0 : c;
+    }
+}
+
+static int64_t fly(tile *restrict t)
+{
+    int64_t specials = 0;
+    EACH {
+        double alpha = t->alpha[i], beta = t->beta[i], gamma = t->gamma[i], d = t->duration[i];
+        double v0 = t->next_velocity[i], sin_p = t->next_sine[i], cos_p = t->next_cosine[i];
+        t->velocity[i] = v0;
+        t->displacement[i] = t->next_displacement[i];
+        t->sine[i] = sin_p;
+        t->cosine[i] = cos_p;
+        double x = beta * d, y = x * x;
+        double second = (1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
+            1.0 / 3628800 + y * (1.0 / 479001600 + y * (1.0 / 87178291200 + y * (
+                1.0 / 20922789888000)))))))
+            - x * (1.0 / 6 + y * (1.0 / 120 + y * (1.0 / 5040 + y * (1.0 / 362880 + y * (
+                1.0 / 39916800 + y * (1.0 / 6227020800 + y * (1.0 / 1307674368000 + y * (
+                    1.0 / 355687428096000)))))))));
+        double first = 1.0 - x * second, decay = 1.0 - x * first, integral = d * first;
+        second = d * d * second;
+        double sin_half = t->sine_half[i], versine = 2.0 * sin_half * sin_half;
+        double sine = 2.0 * sin_half * t->cosine_half[i], square = d * d;
+        double defect = d > 1.0 ? sine - d : d * (square * sine_series(square));
+        t->moved[i] = v0 * integral + gamma * second
+            + alpha * (cos_p * (defect + beta * second) - sin_p * versine);
+        t->velocity_now[i] = v0 * decay + gamma * integral
+            + alpha * (cos_p * (beta * integral - versine) - sin_p * sine);
+        t->sine_now[i] = sin_p + (cos_p * sine - sin_p * versine);
+        t->cosine_now[i] = cos_p - (cos_p * versine + sin_p * sine);
+        int special = ((t->has_hit[i] != 0) & (fabs(v0) < 1e-10))
+            | ((t->left[i] > 0.0) & ((x >= 1.0) | (d >= 64.0 * two_pi)));
+        t->is_special[i] = special;
+        specials += special;
+    }
+    return specials;
+}
+
+int64_t take_steps(tile *t, int64_t steps)
+{
+    int64_t specials = 0;
+    for (int64_t k = 0; k < steps; k++) {
+        look_ahead(t);
+        look_behind(t);
+        aim(t);
+        close_in(t);
+        strike(t);
+        turn(t);
+        specials += fly(t);
+        EACH t->count[i] += t->has_hit[i];
+    }
+    return specials;
+}

@@ -1,0 +1,292 @@
+"""Many trajectories at once: against the scalar kernels, 50 digits, and themselves."""
+
+import math
+import os
+
+import llvmlite.binding as llvm
+import mpmath as mp
+import numba
+import numpy as np
+import numpy.typing as npt
+import pytest
+from reference import DIGITS, Flight
+
+from gear_rattle_ros.core import lanes_step
+from gear_rattle_ros.core.elementary import sine_cosine, TWO_PI
+from gear_rattle_ros.core.flight import displace, later, LEG, LEG_PERIODS, search_impact, UPPER
+from gear_rattle_ros.core.lanes import (
+    advance,
+    begin,
+    EMPTY,
+    FLOATS,
+    IMPACT,
+    is_busy,
+    LaneArray,
+    new_impacts,
+    new_tiles,
+    NO_IMPACTS,
+    refill,
+    release,
+    RESTS,
+    RUNS,
+    START,
+)
+from gear_rattle_ros.core.lanes_step import LANES, step
+from gear_rattle_ros.core.model import EventKind, Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
+
+STEPS = 40
+
+
+def same_starts(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: float = 0.1,
+                restitution: float = 0.9) -> LaneArray:
+    """Return starts on the upper wall and between the walls, all with the same parameters."""
+    random = np.random.default_rng(seed)
+    starts = np.zeros(count, START)
+    starts['phase'] = random.uniform(0.0, TWO_PI, count)
+    starts['displacement'] = np.where(random.random(count) < 0.5, 0.0, -random.random(count))
+    starts['velocity'] = random.uniform(-1.5, 1.5, count)
+    for name, value in (('alpha', alpha), ('beta', beta), ('gamma', gamma),
+                        ('restitution', restitution)):
+        starts[name] = value
+    return starts
+
+
+def mixed_starts(count: int, seed: int) -> LaneArray:
+    """Return starts everywhere, with parameters of their own and all special values of them."""
+    random = np.random.default_rng(seed)
+    starts = same_starts(count, seed, 1.0)
+    on_lower = random.random(count) < 0.2
+    starts['displacement'][on_lower] = -1.0
+    starts['velocity'] = random.normal(0.0, 1.0, count) * 10.0**random.uniform(-3.0, 0.5, count)
+    starts['alpha'] = np.where(
+        random.random(count) < 0.1, 0.0, 10.0**random.uniform(-1.0, 1.0, count))
+    starts['beta'] = np.where(
+        random.random(count) < 0.2, 0.0, 10.0**random.uniform(-2.0, 0.5, count))
+    starts['gamma'] = np.where(random.random(count) < 0.2, 0.0, random.normal(0.0, 0.3, count))
+    starts['restitution'] = random.choice([0.0, 0.5, 0.9, 1.0], count)
+    return starts
+
+
+def follow(starts: LaneArray, count: int, steps: int = STEPS,
+           longest: int = 10**6) -> tuple[list[LaneArray], npt.NDArray[np.int64]]:
+    """Return the first `count` impacts of every start, and why it ended, through one tile."""
+    tile, impacts = new_tiles(1)[0], new_impacts(steps)
+    pieces: list[list[LaneArray]] = [[] for _ in starts]
+    ends = np.full(len(starts), -1)
+    following = refill(tile, starts, 0, float(count))
+    while is_busy(tile):
+        advance(tile, impacts, steps)
+        for i in np.flatnonzero(tile['start'] != EMPTY):
+            start = tile['start'][i]
+            pieces[start].append(impacts[i, :tile['count'][i]].copy())
+            if tile['left'][i] == 0.0 or tile['cycle'][i] > longest:
+                assert ends[start] == -1
+                ends[start] = tile['end'][i]
+                release(tile, i)
+        following = refill(tile, starts, following, float(count))
+    assert following == len(starts)
+    return [np.concatenate(p) if p else np.empty(0, IMPACT) for p in pieces], ends
+
+
+def scalar_flight(start: np.void) -> tuple[int, float, float, int]:
+    """Return periods, phase, velocity and wall of the first impact, by the scalar kernels."""
+    phase, s0, v0 = (float(start[name]) for name in ('phase', 'displacement', 'velocity'))
+    parameters = tuple(float(start[name]) for name in ('alpha', 'beta', 'gamma'))
+    cycle = 0
+    while True:
+        d, velocity, wall = search_impact(0.0, LEG, phase, s0, v0, *parameters)
+        if wall:
+            periods, phase = later(phase, d)
+            return cycle + periods, phase, velocity, wall
+        moved, v0, _, _ = displace(LEG, *sine_cosine(phase), v0, *parameters)
+        s0 = min(max(s0 + moved, -1.0), 0.0)
+        cycle += LEG_PERIODS
+
+
+def test_first_impacts_equal_the_scalar_ones() -> None:
+    """Random states and parameters: the same wall, times and velocities to a few ulp."""
+    starts = mixed_starts(2048, 1)
+    impacts, ends = follow(starts, 1)
+    compared = 0
+    for start, found, end in zip(starts, impacts, ends, strict=True):
+        if len(found) == 0:
+            assert end in (RESTS, FLOATS)
+            continue
+        cycle, phase, velocity, wall = scalar_flight(start)
+        assert np.signbit(found['velocity'][0]) == (wall != UPPER)
+        late = (found['cycle'][0] - cycle) * TWO_PI + (found['phase'][0] - phase)
+        duration = cycle * TWO_PI + phase - start['phase']
+        # How far rounding of the displacement can shift the impact, and the phase's own ulp.
+        size = 1.0 + start['alpha'] * (1.0 + min(duration, 20.0)) + abs(start['velocity'])
+        force = 2.0 * start['alpha'] + abs(start['gamma']) + start['beta'] * abs(velocity) + 1e-3
+        rounding = 4e-16 * size * max(1.0, duration / 10.0)
+        assert abs(late) < 1.8e-15 + min(4 * rounding / abs(velocity), 1e-6)
+        assert abs(found['velocity'][0] - velocity) < 8 * rounding + 2 * force * (
+            abs(late) + 1e-15)
+        compared += 1
+    assert compared > 2000
+
+
+def test_first_impacts_in_50_digits() -> None:
+    """At the found time the mass is at the wall, at that velocity, and was at no wall before."""
+    starts = mixed_starts(60, 2)
+    impacts, _ = follow(starts, 1)
+    checked = 0
+    for start, found in zip(starts, impacts, strict=True):
+        fields = [float(start[name]) for name in (
+            'phase', 'displacement', 'velocity', 'alpha', 'beta', 'gamma')]
+        into = (start['displacement'], start['velocity'] > 0) in ((0.0, True), (-1.0, False))
+        if len(found) == 0 or into or start['velocity'] == 0.0:
+            continue
+        flight = Flight(*fields)
+        with mp.workdps(DIGITS):
+            d = (int(found['cycle'][0]) * 2 * mp.pi + mp.mpf(float(found['phase'][0]))
+                 - fields[0])
+            velocity = flight.velocity_at(d)
+            wall = 0 if found['velocity'][0] > 0 else -1
+            size = 1 + fields[3] + float(d) / 10
+            assert abs(flight.displacement_at(d) - wall) < 4e-15 * size * (1 + abs(velocity))
+            assert abs(velocity - float(found['velocity'][0])) < 2e-14 * size * (1 + fields[3])
+            assert all(-1 < flight.displacement_at(d * k / 200) < 0 for k in range(1, 200))
+        checked += 1
+    assert checked > 30
+
+
+@pytest.mark.parametrize('alpha, beta, gamma, restitution', [
+    (0.48, 0.1, 0.4, 0.3), (0.5, 0.0, -0.4, 0.3), (1.5, 2.0, 0.2, 0.2), (0.6, 0.1, 0.5, 0.0)])
+def test_chatter_sticking_and_release_as_the_simulation(
+        alpha: float, beta: float, gamma: float, restitution: float) -> None:
+    """Through sticking and release, impact by impact, for as long as the two stay together."""
+    starts = same_starts(LANES, 3, alpha, beta, gamma, restitution)
+    count, sticks = 60, 0
+    impacts, ends = follow(starts, count)
+    for start, found, end in zip(starts, impacts, ends, strict=True):
+        simulation = Simulation(
+            Parameters(alpha, beta, gamma, restitution),
+            State(0, start['phase'], start['displacement'], start['velocity']))
+        events = simulation.advance(10**4, 0.0, 4 * count)
+        hits = events[(events['kind'] == EventKind.IMPACT) | (events['kind'] == EventKind.STICK)]
+        rests = simulation.is_resting_for_ever and len(hits) < count
+        assert end == (RESTS if rests else RUNS)
+        assert len(found) == min(count, len(hits))
+        hits = hits[:len(found)]
+        late = (found['cycle'] - hits['cycle']) * TWO_PI + found['phase'] - hits['phase']
+        assert np.abs(late).max() < 1e-5
+        assert np.abs(found['velocity'] - hits['velocity']).max() < 1e-5
+        sticks += np.count_nonzero(hits['kind'] == EventKind.STICK)
+    assert sticks > LANES // 2
+
+
+def test_what_never_meets_a_wall_again_ends() -> None:
+    """A drive smaller than the backlash, no load: the mass may never meet a wall."""
+    random = np.random.default_rng(4)
+    starts = same_starts(4 * LANES, 4, 0.2, 0.1, 0.0)
+    starts['displacement'] = -random.random(len(starts))
+    # The free motion comes to rest so far from where it begins.
+    starts['velocity'] = 0.2 * np.cos(starts['phase']) + 0.1 * random.uniform(
+        -1.0, 1.0, len(starts))
+    impacts, ends = follow(starts, 1)
+    rest = starts['displacement'] - 0.2 * np.sin(starts['phase']) + (
+        starts['velocity'] - 0.2 * np.cos(starts['phase'])) / 0.1
+    inside = (rest > -0.8) & (rest < -0.2)
+    assert np.array_equal(ends == FLOATS, [len(found) == 0 for found in impacts])
+    assert np.all(inside[ends == FLOATS])
+    assert LANES // 2 < np.count_nonzero(ends == FLOATS)
+    for start in starts[ends == FLOATS][:20]:
+        simulation = Simulation(
+            Parameters(0.2, 0.1, 0.0, 0.9),
+            State(0, start['phase'], start['displacement'], start['velocity']))
+        simulation.advance(1000, 0.0, 10)
+        assert simulation.impacts == 0
+
+
+def test_never_outside_the_walls() -> None:
+    """At every step of every lane."""
+    tile = new_tiles(1)[0]
+    refill(tile, mixed_starts(LANES, 5), 0, math.inf)
+    for _ in range(3000):
+        advance(tile, NO_IMPACTS, 1)
+        active = tile['left'] > 0
+        place = (tile['displacement'] + tile['moved'])[active]
+        size = 1e-15 * (1.0 + tile['alpha'][active] * (1.0 + tile['duration'][active]))
+        assert np.all((place > -1.0 - 4 * size) & (place < 4 * size))
+
+
+def test_statistics_of_chaos_equal_the_scalar_ones() -> None:
+    """At alpha = 1.1, mean flight time, share of the upper wall and mean speed."""
+    count, skipped = 1500, 100
+
+    def means(times: npt.NDArray[np.float64], velocities: npt.NDArray[np.float64]) -> list[float]:
+        return [float((times[-1] - times[skipped]) / (len(times) - 1 - skipped)),
+                float(np.mean(velocities[skipped:] > 0)),
+                float(np.mean(np.abs(velocities[skipped:])))]
+
+    impacts, _ = follow(same_starts(LANES, 6, 1.1), count)
+    lanes = np.array([means(f['cycle'] * TWO_PI + f['phase'], f['velocity']) for f in impacts])
+    scalar = []
+    for start in same_starts(LANES, 7, 1.1):
+        simulation = Simulation(
+            Parameters(1.1, 0.1, 0.1, 0.9),
+            State(0, start['phase'], start['displacement'], start['velocity']))
+        events = simulation.advance(10**7, 0.0, count)[1:]
+        scalar.append(means(events['cycle'] * TWO_PI + events['phase'], events['velocity']))
+    difference = lanes.mean(0) - np.mean(scalar, 0)
+    error = np.sqrt((lanes.var(0) + np.var(scalar, 0)) / (LANES - 1))
+    assert np.all(error < 0.02)
+    assert np.all(np.abs(difference) < 4 * error)
+
+
+def test_every_start_once_and_whatever_the_cuts() -> None:
+    """Order, number of steps in a call and neighbours change no bit; nothing is lost."""
+    starts = mixed_starts(5 * LANES + 3, 8)
+    whole, ends = follow(starts, 12)
+    assert np.all(ends != -1)
+    assert all(len(w) == 12 or end != RUNS for w, end in zip(whole, ends, strict=True))
+    shuffled = np.random.default_rng(9).permutation(len(starts))
+    again, ends_again = follow(starts[shuffled], 12, steps=3)
+    assert np.array_equal(ends[shuffled], ends_again)
+    for one, other in zip((whole[k] for k in shuffled), again, strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_parked_lanes_go_on() -> None:
+    """A lane parks just after its last impact and, begun again there, makes the same impacts."""
+    starts = mixed_starts(LANES, 10)
+    starts['restitution'][:8] = 0.0
+    whole, _ = follow(starts, 20)
+    tile, impacts = new_tiles(1)[0], new_impacts(STEPS)
+    refill(tile, starts, 0, 0.0)
+    pieces: list[list[LaneArray]] = [[] for _ in starts]
+    for part in (7, 13):
+        for i in range(LANES):
+            if tile['end'][i] == RUNS:
+                begin(tile, i, tile['cycle'][i], tile['phase'][i], tile['displacement'][i],
+                      tile['velocity'][i], float(part))
+        while np.any(tile['left'] > 0):
+            advance(tile, impacts, STEPS)
+            for i in range(LANES):
+                pieces[i].append(impacts[i, :tile['count'][i]].copy())
+    for one, other in zip(whole, pieces, strict=True):
+        assert one.tobytes() == np.concatenate(other).tobytes()
+
+
+def test_refuses_too_little_room() -> None:
+    """An impact is never written past the end."""
+    with pytest.raises(ValueError, match='no room'):
+        advance(new_tiles(1)[0], new_impacts(STEPS), STEPS + 1)
+
+
+@pytest.mark.skipif('NUMBA_CPU_FEATURES' in os.environ, reason='another processor is asked for')
+@pytest.mark.skipif(llvm.get_process_triple().split('-')[0] != 'x86_64', reason='x86 assembly')
+def test_every_loop_is_vectorised() -> None:
+    """Square roots and products are packed, in the widest registers the processor has."""
+    fresh = numba.njit(error_model='numpy', nogil=True)(lanes_step.step.py_func)
+    fresh.compile(step.signatures[0] if step.signatures else (
+        numba.typeof(new_tiles(1)[0]),))
+    code = '\n'.join(fresh.inspect_asm().values())
+    features = llvm.get_host_cpu_features()
+    register = '%zmm' if features.get('avx512f') else '%ymm' if features.get('avx') else '%xmm'
+    packed = [line for line in code.splitlines() if 'sqrtpd' in line and register in line]
+    assert len(packed) >= 3
+    assert 'sqrtsd' not in code
