@@ -170,7 +170,7 @@ def test_nodes_run(
             ended = [name for name, process in running.items() if process.poll() is not None]
             return bool(ended) or heard >= {f'/{name}' for name in names}
 
-        spin(all_heard_or_one_ended, within=90.0)
+        spin(all_heard_or_one_ended, within=180.0)
         for process in running.values():
             process.send_signal(signal.SIGINT)
         statuses = {name: process.wait(20.0) for name, process in running.items()}
