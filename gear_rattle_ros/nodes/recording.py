@@ -6,8 +6,10 @@ import threading
 import time
 from typing import Final
 
+import numpy as np
+
 from ..bags import BagError, BagWriter, CloudDecoder, Topic
-from ..core.model import impact_count
+from ..core.model import EVENT, impact_count
 from ..core.stream import StreamGuard
 
 # Bytes that may wait for the disk; then the reader of the topics waits, and DDS holds up the
@@ -18,6 +20,9 @@ _FLUSH_PERIOD: Final = 0.4
 # The disk is told to write what it was given so long ago; waiting for it holds nobody up [s].
 _SYNC_PERIOD: Final = 0.4
 _METADATA_PERIOD: Final = 2.0
+
+# The fields of an event that tell whether the stream is whole.
+_KEYS: Final = np.dtype([(name, EVENT[name]) for name in ('kind', 'index', 'epoch')])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +50,8 @@ class Recording:
         self.failure = ''
         self.unreadable = 0
         self._guard = StreamGuard()
+        # Compiled now, not while the first batch waits.
+        StreamGuard().split(np.zeros(2, _KEYS))
         self._decoder = CloudDecoder()
         self._impacts_topic = impacts
         self._writer = writer
@@ -179,7 +186,7 @@ class Recording:
 
     def _count(self, data: bytes) -> None:
         try:
-            records = self._decoder.columns(data, ('kind', 'index', 'epoch'))
+            records = self._decoder.columns(data, _KEYS.names or ())
         except ValueError:
             self.unreadable += 1
             return
