@@ -23,7 +23,8 @@ class NodeProcess:
         with open(log, 'wb') as output:
             self.process = subprocess.Popen(
                 [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments],
-                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                start_new_session=True)
 
     def text(self) -> str:
         """Return what it has written."""

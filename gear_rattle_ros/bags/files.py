@@ -12,8 +12,8 @@ import zlib
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, McapRecord, Schema
 import mcap.records
+from mcap.records import Channel, Chunk, McapRecord, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import MCAP0_MAGIC
 import yaml

@@ -3,11 +3,11 @@
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from ..core.model import EventArray
 from .clouds import CloudDecoder, POINT_CLOUD
 from .files import Contents, Message, opened, read_indexed, read_summary, read_through, scan
 from .metadata import file_names
 from .topics import BagError, Topic
+from ..core.model import EventArray
 
 
 class Bag:

@@ -80,8 +80,8 @@ class LyapunovReport:
     mean_flight_time: float
 
     @property
-    def sum(self) -> float:
-        """Sum of both exponents [1]."""
+    def exponent_sum(self) -> float:
+        """Return the sum of both exponents [1]."""
         return self.lambda_1 + self.lambda_2
 
 

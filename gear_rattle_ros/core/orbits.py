@@ -323,12 +323,12 @@ class TransientDetector:
 
     @property
     def report(self) -> TransientReport:
-        """What the trajectory is doing now."""
+        """Return what the trajectory is doing now."""
         return self._report
 
     @property
     def impacts(self) -> int:
-        """Impacts since the present transient began."""
+        """Return the impacts since the present transient began."""
         return (int(self._index()) - self._report.start) % 2**32
 
     def update(self, events: EventArray) -> list[TransientReport]:

@@ -6,13 +6,13 @@ import dataclasses
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
+from .shell import EventInput, HoleLog, run_node, ShellNode
 from ..core.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.model import EventArray, Parameters, State
 from ..core.simulation import Simulation
 from ..messages import named_values, stamp_from_nanoseconds
 from ..parameters import LYAPUNOV
 from ..qos import STREAM
-from .shell import EventInput, HoleLog, run_node, ShellNode
 
 
 # How long the last estimate may take to arrive when the node ends [s].
@@ -63,7 +63,7 @@ class Lyapunov(ShellNode):
             'lambda_2': now.lambda_2,
             'lambda_1_error': now.lambda_1_error,
             'lambda_2_error': now.lambda_2_error,
-            'sum': now.sum,
+            'sum': now.exponent_sum,
             'exact_sum': now.exact_sum,
             'lambda_1_finite': now.lambda_1_finite,
             'window': now.window,

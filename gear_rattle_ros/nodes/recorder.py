@@ -15,11 +15,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
+from .recording import Received, Recording
+from .shell import run_node, ShellNode, StartError
 from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ..parameters import RECORDER
 from ..qos import STREAM_INPUT
-from .recording import Received, Recording
-from .shell import run_node, ShellNode, StartError
 
 # Like STREAM_INPUT, and given the present state of the latched topics at the start.
 _LATCHED_INPUT: Final = QoSProfile(
@@ -133,7 +133,7 @@ class Recorder(ShellNode):
         values = {
             'messages': recording.messages,
             'impacts': recording.impacts,
-            'impacts_lost': recording.impacts_lost,
+            'lost_impacts': recording.impacts_lost,
             'gaps': recording.gaps,
             'messages_lost': self._lost(),
             'bytes': recording.size,
@@ -151,7 +151,7 @@ class Recorder(ShellNode):
         """Write what has arrived, end the bag and say what is in it."""
         # What has arrived has been acknowledged: nobody else keeps it.
         now = time.time_ns()
-        while any([source.take(_MOST, now) for source in self._sources]):
+        while sum(source.take(_MOST, now) for source in self._sources):
             pass
         self._recording.close()
         recording = self._recording

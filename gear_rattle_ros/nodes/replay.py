@@ -11,12 +11,12 @@ from typing import Any, Final
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
+from .playing import Output, Playing, Span, WINDOW
+from .shell import run_node, ShellNode, StartError
 from ..bags import Bag, BagError, Topic
 from ..messages import stamp_from_nanoseconds
 from ..parameters import REPLAY
 from ..qos import CLOCK
-from .playing import Output, Playing, Span, WINDOW
-from .shell import run_node, ShellNode, StartError
 
 # What the nodes of then said of themselves is not true of those that run now.
 _NOT_UNASKED: Final = ('/diagnostics', '/parameter_events')

@@ -13,6 +13,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
+from .pacing import AcknowledgedPace, ClockPace
+from .shell import run_node, ShellNode
 from ..core.model import EventArray, Parameters, State
 from ..core.simulation import Simulation
 from ..messages import (
@@ -23,8 +25,6 @@ from ..messages import (
 )
 from ..parameters import guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
-from .pacing import AcknowledgedPace, ClockPace
-from .shell import run_node, ShellNode
 
 # Records in one batch at the most: 100 KB, so that full readers stay below 0.5 GB.
 LARGEST_BATCH = 1024

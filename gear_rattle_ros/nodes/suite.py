@@ -25,10 +25,10 @@ from rich.console import Console
 from rich.live import Live
 from sensor_msgs.msg import JointState
 
-from ..qos import LATCHED, STREAM
 from .display import render, Status
 from .processes import Processes
 from .shell import Stop
+from ..qos import LATCHED, STREAM
 
 READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 # The paper's two stories: a chaotic attractor, and a chaotic transient after the crisis.

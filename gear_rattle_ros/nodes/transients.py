@@ -4,13 +4,13 @@ from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from .shell import EventInput, HoleLog, run_node, ShellNode
 from ..core.model import EventArray, Parameters, State
 from ..core.orbits import Regime, TransientDetector, TransientReport
 from ..core.simulation import Simulation
 from ..messages import diagnostic_array, stamp_from_nanoseconds
 from ..parameters import TRANSIENTS
 from ..qos import LATCHED
-from .shell import EventInput, HoleLog, run_node, ShellNode
 
 
 class Transients(ShellNode):

@@ -8,14 +8,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from ..core.model import EVENT, EventArray
-from ..core.reconstruction import rebuild
-from ..parameters import VIEWER
-from ..qos import LATCHED, STREAM
 from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
 from .viewer_recent import Recent
 from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
 from .viewer_sinks import chosen_mode, file_recording, Window
+from ..core.model import EVENT, EventArray
+from ..core.reconstruction import rebuild
+from ..parameters import VIEWER
+from ..qos import LATCHED, STREAM
 
 COLOURS = ('age', 'alpha')
 

@@ -9,18 +9,18 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from ..core.axes import Place
-from ..core.reconstruction import rebuild
 from .viewer_axes import (
     colours_of,
-    FLIGHT_PERIODS,
     flight_axes,
+    FLIGHT_PERIODS,
     HALF_HEIGHT,
     nice_limit,
     section_axes,
     velocity_ticks,
 )
 from .viewer_recent import Recent, ROW, RowArray
+from ..core.axes import Place
+from ..core.reconstruction import rebuild
 
 TWO_PI = 2.0 * math.pi
 # Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.

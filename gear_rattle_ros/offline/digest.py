@@ -178,7 +178,7 @@ class Digest:
             impact = int(impact_numbers(events[-1:], place)[0])
             self.estimates.add(np.array([(
                 impact, now.epoch, now.impacts, now.lambda_1, now.lambda_2, now.lambda_1_error,
-                now.lambda_1_finite, now.sum, now.exact_sum)], ESTIMATE))
+                now.lambda_1_finite, now.exponent_sum, now.exact_sum)], ESTIMATE))
         for report in self._detector.update(events):
             back = (int(place.event['index']) - report.index) % 2**32
             alpha = float(events['alpha'][-1])

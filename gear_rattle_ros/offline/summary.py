@@ -16,9 +16,9 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 import numpy.typing as npt
 
+from .digest import Digest, digest_of, in_words, RowArray
 from ..bags import Bag, BagError
 from ..core.reconstruction import rebuild
-from .digest import Digest, digest_of, in_words, RowArray
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
 TWO_PI = 2.0 * math.pi
@@ -323,6 +323,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
+
     def error(self, message: str) -> NoReturn:
         self.exit(2, f'{self.prog}: {message}\n')
 

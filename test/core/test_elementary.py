@@ -55,7 +55,7 @@ def test_sine_and_cosine_beside_multiples_of_half_pi(k: int) -> None:
 
 
 def test_sine_less_argument_does_not_cancel() -> None:
-    """sin d - d is good to ulps of itself for small d."""
+    """The difference sin d - d is good to ulps of itself for small d."""
     for d in sample(1e-9, 20.0):
         value = sine_defect(float(d), sine_cosine(float(d))[0])
         assert ulps(value, mp.sin(mp.mpf(float(d))) - mp.mpf(float(d))) < 4.0

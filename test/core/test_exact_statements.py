@@ -41,7 +41,7 @@ def settled(alpha: float, period: int) -> tuple[EventArray, TransientReport]:
 
 @pytest.mark.parametrize('gamma', [-0.3, 0.0, 0.2])
 def test_energy_is_conserved_across_elastic_impacts(gamma: float) -> None:
-    """alpha = beta = 0, r = 1: v^2/2 - gamma s is the same at every event."""
+    """With alpha = beta = 0, r = 1: v^2/2 - gamma s is the same at every event."""
     simulation = Simulation(Parameters(0.0, 0.0, gamma, 1.0), State(0, 0.0, -0.4, 0.9))
     events = simulation.advance(FAR, 0.0, 5000)
     energy = 0.5 * events['velocity']**2 - gamma * events['displacement']
@@ -61,7 +61,7 @@ def test_bounces_without_any_force(velocity: float, restitution: float) -> None:
 
 
 def test_bounces_with_friction_only() -> None:
-    """alpha = gamma = 0: v falls by beta over the gap and by r at the wall, until none is left."""
+    """With alpha = gamma = 0: v falls by beta over the gap and by r at the wall, until none is left."""
     beta, restitution, v = 0.1, 0.8, 2.0
     simulation = Simulation(Parameters(0.0, beta, 0.0, restitution), State(0, 0.0, -1.0, v))
     events = simulation.advance(10**5, 0.0, 100)[1:]
@@ -81,7 +81,7 @@ def test_bounces_with_friction_only() -> None:
     velocity=st.one_of(st.floats(-3.0, -0.05), st.floats(0.05, 3.0)))
 def test_mirror_symmetry(alpha: float, beta: float, gamma: float, restitution: float,
                          phase: float, displacement: float, velocity: float) -> None:
-    """s -> -1 - s, tau -> tau + pi, gamma -> -gamma maps trajectories to trajectories."""
+    """The map s -> -1 - s, tau -> tau + pi, gamma -> -gamma maps trajectories to trajectories."""
     plain = Simulation(Parameters(alpha, beta, gamma, restitution), State(
         0, phase, displacement, velocity)).advance(3, 0.0, 4)[1:]
     mirrored = Simulation(Parameters(alpha, beta, -gamma, restitution), State(
@@ -110,7 +110,7 @@ def test_exponents_of_orbits_with_complex_multipliers(
     # A bounded end term is left in the means, not in their sum over whole orbits.
     assert found.lambda_1 == pytest.approx(exponent, abs=2e-3)
     assert found.lambda_2 == pytest.approx(exponent, abs=2e-3)
-    assert found.sum == pytest.approx(2.0 * exponent, abs=1e-6)
+    assert found.exponent_sum == pytest.approx(2.0 * exponent, abs=1e-6)
 
 
 @pytest.mark.parametrize('alpha, impacts', [(0.48, 2), (0.48, 3), (1.244, 4)])
@@ -141,5 +141,5 @@ def test_sum_of_the_exponents(alpha: float, beta: float, gamma: float, restituti
     assert found.exact_sum == pytest.approx(expected, abs=1e-12)
     # Steep impacts (a/v large) cost digits of the smaller growth, not of the identity.
     steep = float(np.max(1.0 / np.abs(events['velocity'][1:])))
-    assert found.sum == pytest.approx(expected, abs=1e-14 * steep**2 + 1e-12)
+    assert found.exponent_sum == pytest.approx(expected, abs=1e-14 * steep**2 + 1e-12)
     assert found.mean_flight_time == pytest.approx(mean, rel=1e-12)

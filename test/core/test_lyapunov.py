@@ -117,7 +117,7 @@ def test_finite_window_is_the_mean_of_the_last_impacts() -> None:
 
 @pytest.mark.parametrize('beta, restitution', [(0.0, 0.95), (0.01, 0.99)])
 def test_exponents_without_any_force(beta: float, restitution: float) -> None:
-    """alpha = gamma = 0: F and S are triangular, so the exponents have a closed form."""
+    """With alpha = gamma = 0: F and S are triangular, so the exponents have a closed form."""
     simulation = Simulation(Parameters(0.0, beta, 0.0, restitution), State(0, 0.0, -1.0, 100.0))
     count = 60
     events = simulation.advance(FAR, 0.0, count + 1)
@@ -135,7 +135,7 @@ def test_exponents_without_any_force(beta: float, restitution: float) -> None:
             after['velocity'])
         impact = np.array([[-restitution, 0.0], [jump, -restitution]])
         product = impact @ np.array([[1.0, fall], [0.0, decay]]) @ product
-    assert report.sum == pytest.approx(math.log(np.linalg.det(product)) / count, abs=1e-12)
+    assert report.exponent_sum == pytest.approx(math.log(np.linalg.det(product)) / count, abs=1e-12)
     assert report.lambda_1 == pytest.approx(
         math.log(np.linalg.norm(product @ [1.0, 0.0])) / count, abs=1e-12)
 
@@ -206,7 +206,7 @@ def test_sticking_is_superstable() -> None:
     running = RunningLyapunov(window=20)
     running.update(events[:stick + 1])
     report = running.report()
-    assert report.lambda_1 == report.lambda_2 == report.sum == report.exact_sum == -math.inf
+    assert report.lambda_1 == report.lambda_2 == report.exponent_sum == report.exact_sum == -math.inf
     assert report.lambda_1_finite == -math.inf
     running.update(events[stick + 1:])
     assert running.report().lambda_1 == -math.inf
@@ -219,7 +219,7 @@ def test_sticking_is_superstable() -> None:
 
 
 def test_no_restitution_has_one_exponent_only() -> None:
-    """r = 0: one direction dies at every impact, so lambda_2 and the sum are -inf."""
+    """With r = 0: one direction dies at every impact, so lambda_2 and the sum are -inf."""
     simulation = Simulation(Parameters(8.0, 0.1, 0.0, 0.0), State(0, 0.0, -0.5, 3.0))
     events = simulation.advance(FAR, 0.0, 60)
     first_stick = int(np.argmax(events['kind'] == EventKind.STICK))
@@ -239,7 +239,7 @@ def test_kicks_are_in_the_determinant() -> None:
     ratio = np.abs(events['velocity_after'][1:] / events['velocity'][1:])
     expected = float(np.mean(np.log(0.9 * ratio))) - 0.1 * float(tau[-1] - tau[0]) / 2000
     assert running.report().exact_sum == pytest.approx(expected, abs=1e-11)
-    assert running.report().sum == pytest.approx(expected, abs=1e-8)
+    assert running.report().exponent_sum == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_window_must_hold_something() -> None:

@@ -56,7 +56,7 @@ PAIR = {
 
 
 def test_parameters_from_a_gear_pair() -> None:
-    """alpha = A R_e/nu, beta = d/(m omega), gamma = T R/(m nu omega^2)."""
+    """The definitions alpha = A R_e/nu, beta = d/(m omega), gamma = T R/(m nu omega^2)."""
     parameters = Parameters.from_physical(**PAIR)
     assert parameters.alpha == pytest.approx(0.004 * 0.05 / 2e-4, rel=1e-15)
     assert parameters.beta == pytest.approx(6.0 / 60.0, rel=1e-15)

@@ -258,6 +258,6 @@ def test_an_orbit_that_sticks(
 
 @pytest.mark.parametrize('tolerance', [0.0, 1.0, -1e-3, math.nan])
 def test_impossible_tolerances_are_refused(tolerance: float) -> None:
-    """ValueError names it."""
+    """A ValueError names it."""
     with pytest.raises(ValueError, match='^tolerance = '):
         TransientDetector(tolerance)

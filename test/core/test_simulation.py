@@ -108,7 +108,7 @@ def test_state_in_flight_in_50_digits() -> None:
 
 
 def test_retune_keeps_the_state_and_changes_the_force() -> None:
-    """s and s' are continuous; the next impact is that of the new parameters, in 50 digits."""
+    """Both s and s' are continuous; the next impact is that of the new parameters, in 50 digits."""
     simulation = Simulation(Parameters(1.2), State(0, 0.3, -0.5, 0.4))
     simulation.advance(20, 2.0, 5000)
     before = simulation.state
@@ -201,7 +201,7 @@ def test_impossible_moments_are_refused(cycle: int, phase: float) -> None:
     ('noise', math.nan), ('noise', -0.1), ('noise', 1e9), ('seed', -1), ('seed', 2**63),
     ('seed', 1.5), ('seed', math.nan)])
 def test_impossible_noise_is_refused(name: str, value: float) -> None:
-    """ValueError names noise or seed."""
+    """A ValueError names noise or seed."""
     with pytest.raises(ValueError, match=f'^{name} = '):
         Simulation(Parameters(), State(), **{name: value})
     with pytest.raises(ValueError, match='^most = 0'):

@@ -142,7 +142,7 @@ def test_chatter_at_the_parameters_of_the_paper_ends_and_goes_on() -> None:
 
 
 def test_without_restitution_the_mass_sticks_or_leaves_at_once() -> None:
-    """r = 0: after an impact the velocity is zero, and pressed means stuck."""
+    """With r = 0: after an impact the velocity is zero, and pressed means stuck."""
     rng = np.random.default_rng(0)
     kinds: set[int] = set()
     for _ in range(60):
