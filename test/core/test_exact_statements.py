@@ -130,13 +130,14 @@ def test_sum_of_the_exponents(alpha: float, beta: float, gamma: float, restituti
     """lambda_1 + lambda_2 = 2 ln r - beta <D> for every trajectory, to rounding."""
     simulation = Simulation(
         Parameters(alpha, beta, gamma, restitution), State(0, 1.0, 0.0, -velocity))
-    events = simulation.advance(FAR, 0.0, 400)
-    if EventKind.STICK in events['kind'] or (events['velocity'] == 0.0).any():
+    # Some come to swing between the walls without any impact: not for ever, then.
+    events = simulation.advance(2000, 0.0, 400)
+    if len(events) < 2 or EventKind.STICK in events['kind'] or (events['velocity'] == 0.0).any():
         return
     running = RunningLyapunov()
     running.update(events)
     found = running.report()
-    mean = (times(events[-1:])[0] - times(events[:1])[0]) / 399
+    mean = (times(events[-1:])[0] - times(events[:1])[0]) / (len(events) - 1)
     expected = 2.0 * math.log(restitution) - beta * mean
     assert found.exact_sum == pytest.approx(expected, abs=1e-12)
     # Steep impacts (a/v large) cost digits of the smaller growth, not of the identity.
