@@ -87,9 +87,14 @@ setup(
         'pyyaml',
         'rerun-sdk',
         'rich',
+        'xarray',
+        'zarr',
     ],
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={
+        'cluster': [
+            'distributed',
+        ],
         'ros': [
             'ros-jazzy-common-interfaces',
             'ros-jazzy-rclpy',
@@ -103,6 +108,7 @@ setup(
             'colcon-recursive-crawl',
             'colcon-ros',
             'cyclonedds; python_version < "3.14"',
+            'distributed',
             'hypothesis',
             'import-linter',
             'mpmath',

@@ -1,0 +1,140 @@
+"""Where the tiles run: threads of this process, or a Dask cluster."""
+
+from collections.abc import Callable, Sequence
+import itertools
+import os
+import queue
+import threading
+from typing import Any, Final, TypeVar
+
+Result = TypeVar('Result')
+# A tile is tried again so often when its workers die.
+RETRIES: Final = 5
+# Tiles handed to a cluster ahead of time, per thread of it.
+AHEAD: Final = 4
+
+
+class EngineError(Exception):
+    """The cluster cannot be used; the message is one line."""
+
+
+def threads_here() -> int:
+    """
+    Count the processors that this process may use.
+
+    Returns
+    -------
+    int
+        At least 1.
+
+    """
+    return len(os.sched_getaffinity(0))
+
+
+def run_tiles(work: Callable[[int], Result], tiles: Sequence[int],
+              finished: Callable[[int, Result], None], *, cluster: str | None = None,
+              threads: int | None = None) -> None:
+    """
+    Do a piece of work for every tile.
+
+    Parameters
+    ----------
+    work : callable
+        Takes the number of a tile, stores what it computes by itself and returns something small;
+        on a cluster it is pickled. To be repeatable it depends on nothing but the number.
+    tiles : sequence of int
+        The tiles to do.
+    finished : callable
+        Takes the number and what `work` returned; called in this thread, in the order in which
+        tiles end.
+    cluster : str, optional
+        Address of a Dask scheduler; by default the threads of this process are used.
+    threads : int, optional
+        How many threads; by default one for each processor.
+
+    Raises
+    ------
+    EngineError
+        If the cluster cannot be reached, or kills a tile's workers again and again.
+
+    Notes
+    -----
+    An exception of `work` is raised here and ends the run, and so does Ctrl-C: what is still
+    running is abandoned.
+
+    """
+    if not tiles:
+        return
+    if cluster:
+        _run_on_cluster(work, tiles, finished, cluster)
+    else:
+        _run_here(work, tiles, finished, min(threads or threads_here(), len(tiles)))
+
+
+def _run_here(work: Callable[[int], Result], tiles: Sequence[int],
+              finished: Callable[[int, Result], None], threads: int) -> None:
+    waiting = iter(tiles)
+    lock = threading.Lock()
+    ended: queue.SimpleQueue[tuple[int, Any, BaseException | None]] = queue.SimpleQueue()
+    stop = threading.Event()
+
+    def serve() -> None:
+        while not stop.is_set():
+            with lock:
+                tile = next(waiting, None)
+            if tile is None:
+                return
+            try:
+                ended.put((tile, work(tile), None))
+            except BaseException as error:  # noqa: B902
+                ended.put((tile, None, error))
+
+    # Daemons: a tile that is abandoned must not keep the process from ending.
+    for _ in range(threads):
+        threading.Thread(target=serve, daemon=True).start()
+    try:
+        for _ in tiles:
+            tile, result, error = ended.get()
+            if error is not None:
+                raise error
+            finished(tile, result)
+    finally:
+        stop.set()
+
+
+def _run_on_cluster(work: Callable[[int], Result], tiles: Sequence[int],
+                    finished: Callable[[int, Result], None], address: str) -> None:
+    # Only here: the import takes longer than a small grid.
+    from distributed import as_completed, Client
+    from distributed.scheduler import KilledWorker
+    try:
+        client = Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise EngineError(f'no Dask scheduler answers at {address}: {error}') from error
+    with client:
+        waiting = iter(tiles)
+        numbers: dict[Any, int] = {}
+        deaths: dict[int, int] = {}
+
+        def submit(tile: int) -> Any:
+            future = client.submit(work, tile, pure=False, retries=0)
+            numbers[future.key] = tile
+            return future
+
+        room = AHEAD * max(1, sum(client.nthreads().values()))
+        ended = as_completed([submit(tile) for tile in itertools.islice(waiting, room)])
+        for future in ended:
+            tile = numbers.pop(future.key)
+            failure = future.exception()
+            if isinstance(failure, KilledWorker):
+                deaths[tile] = deaths.get(tile, 0) + 1
+                if deaths[tile] > RETRIES:
+                    raise EngineError(f'workers die at tile {tile}: {failure}')
+                ended.add(submit(tile))
+                continue
+            if failure is not None:
+                raise failure
+            finished(tile, future.result())
+            following = next(waiting, None)
+            if following is not None:
+                ended.add(submit(following))

@@ -1,0 +1,208 @@
+"""The plane of initial conditions: windows, cells, starts."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ..core.lanes import START
+from ..core.model import Parameters, require_finite, VELOCITY_MAXIMUM
+
+TWO_PI: Final = 2.0 * math.pi
+# Largest number of cells along an edge.
+EDGE_MAXIMUM: Final = 1_000_000
+
+StartArray = npt.NDArray[np.void]
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Plane:
+    """
+    A window of a plane of constant displacement, cut into cells.
+
+    Attributes
+    ----------
+    displacement : float
+        Of every start [1], in [-1, 0].
+    phase : tuple of float
+        Window of the drive phase [rad]; may lie anywhere, at most 2 pi wide.
+    velocity : tuple of float
+        Window of the velocity [1].
+    phases, velocities : int
+        Number of cells along each.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range or a window is empty or reversed.
+
+    """
+
+    displacement: float = 0.0
+    phase: tuple[float, float] = (0.0, TWO_PI)
+    velocity: tuple[float, float] = (-2.0, 2.0)
+    phases: int = 400
+    velocities: int = 400
+
+    def __post_init__(self) -> None:
+        """Validate and convert every field."""
+        object.__setattr__(self, 'displacement', require_finite(
+            'displacement', self.displacement, -1.0, 0.0))
+        for name, most in (('phase', 1e3), ('velocity', VELOCITY_MAXIMUM)):
+            low, high = getattr(self, name)
+            low, high = (require_finite(name, value, -most, most) for value in (low, high))
+            if not low < high:
+                raise ValueError(f'{name} window {low:g} to {high:g} is empty or reversed; '
+                                 'give the lower end first')
+            object.__setattr__(self, name, (low, high))
+        if self.phase[1] - self.phase[0] > TWO_PI * (1.0 + 1e-9):
+            raise ValueError(f'phase window {self.phase[0]:g} to {self.phase[1]:g} is wider than '
+                             '2 pi')
+        for name in ('phases', 'velocities'):
+            if not 1 <= getattr(self, name) <= EDGE_MAXIMUM:
+                raise ValueError(f'size {getattr(self, name)} is not between 1 and '
+                                 f'{EDGE_MAXIMUM}')
+
+    def phase_values(self, first: int = 0, last: int | None = None) -> FloatArray:
+        """
+        Give the centres of the cells in phase.
+
+        Parameters
+        ----------
+        first, last : int
+            Which cells; all of them by default.
+
+        Returns
+        -------
+        ndarray of float
+            Phases [rad], in the window.
+
+        """
+        return _centres(self.phase, self.phases, first, last)
+
+    def velocity_values(self, first: int = 0, last: int | None = None) -> FloatArray:
+        """
+        Give the centres of the cells in velocity.
+
+        Parameters
+        ----------
+        first, last : int
+            Which cells; all of them by default.
+
+        Returns
+        -------
+        ndarray of float
+            Velocities [1].
+
+        """
+        return _centres(self.velocity, self.velocities, first, last)
+
+    def starts(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
+        """
+        Make the starts of some cells; a cell's start does not depend on which others are made.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            Of every trajectory.
+        velocities, phases : slice
+            The cells.
+
+        Returns
+        -------
+        ndarray of START, shape (velocities * phases,)
+            Row by row, velocity first.
+
+        """
+        v = self.velocity_values(velocities.start, velocities.stop)
+        p = self.phase_values(phases.start, phases.stop)
+        return make_starts(parameters, np.tile(p, len(v)), self.displacement,
+                           np.repeat(v, len(p)))
+
+    def random_starts(self, parameters: Parameters, count: int, seed: int) -> StartArray:
+        """
+        Draw starts uniformly from the window.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            Of every trajectory.
+        count : int
+            How many.
+        seed : int
+            The first starts are the same whatever the count.
+
+        Returns
+        -------
+        ndarray of START, shape (count,)
+            In the order in which they were drawn.
+
+        """
+        drawn = np.random.default_rng(seed).random((count, 2))
+        (p0, p1), (v0, v1) = self.phase, self.velocity
+        return make_starts(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,
+                           v0 + (v1 - v0) * drawn[:, 1])
+
+    def magnified(self, phase: float, velocity: float, factor: float) -> 'Plane':
+        """
+        Magnify the window about a point, which stays where it is in the picture.
+
+        Parameters
+        ----------
+        phase, velocity : float
+            The point [rad, 1].
+        factor : float
+            How many times, more than 1.
+
+        Returns
+        -------
+        Plane
+            The smaller window, as many cells.
+
+        """
+        windows = [
+            (at - (at - low) / factor, at + (high - at) / factor)
+            for at, (low, high) in ((phase, self.phase), (velocity, self.velocity))]
+        return dataclasses.replace(self, phase=windows[0], velocity=windows[1])
+
+
+def make_starts(parameters: Parameters, phases: npt.ArrayLike, displacement: npt.ArrayLike,
+                velocities: npt.ArrayLike) -> StartArray:
+    """
+    Put initial conditions and parameters together.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of every trajectory.
+    phases : array_like
+        Drive phases [rad], any.
+    displacement, velocities : array_like
+        Displacements in [-1, 0] and velocities [1].
+
+    Returns
+    -------
+    ndarray of START, shape (n,)
+        Phases are brought to [0, 2 pi).
+
+    """
+    starts = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
+    turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
+    starts['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
+    starts['displacement'] = displacement
+    starts['velocity'] = velocities
+    for name, value in dataclasses.asdict(parameters).items():
+        starts[name] = value
+    return starts
+
+
+def _centres(window: tuple[float, float], count: int, first: int = 0,
+             last: int | None = None) -> FloatArray:
+    low, high = window
+    numbers = np.arange(first or 0, count if last is None else last, dtype=np.float64)
+    # From both ends, so that a symmetric window has symmetric cells to the bit.
+    share = (2.0 * numbers + 1.0) / (2.0 * count)
+    return np.asarray(low * (1.0 - share) + high * share, np.float64)
