@@ -61,7 +61,7 @@ def test_bounces_without_any_force(velocity: float, restitution: float) -> None:
 
 
 def test_bounces_with_friction_only() -> None:
-    """With alpha = gamma = 0: v falls by beta over the gap and by r at the wall, until none is left."""
+    """Without drive and load v falls by beta over the gap and by r at the wall."""
     beta, restitution, v = 0.1, 0.8, 2.0
     simulation = Simulation(Parameters(0.0, beta, 0.0, restitution), State(0, 0.0, -1.0, v))
     events = simulation.advance(10**5, 0.0, 100)[1:]
