@@ -108,7 +108,7 @@ def test_state_in_flight_in_50_digits() -> None:
 
 
 def test_retune_keeps_the_state_and_changes_the_force() -> None:
-    """Both s and s' are continuous; the next impact is that of the new parameters, in 50 digits."""
+    """State and velocity are continuous; the next impact is right in 50 digits."""
     simulation = Simulation(Parameters(1.2), State(0, 0.3, -0.5, 0.4))
     simulation.advance(20, 2.0, 5000)
     before = simulation.state
