@@ -175,12 +175,20 @@ def test_a_retune_or_reset_starts_a_new_average() -> None:
     running = RunningLyapunov()
     running.update(simulation.advance(FAR, 0.0, 1001))
     assert (running.report().impacts, running.report().epoch) == (1000, 0)
-    running.update(simulation.retune(Parameters(1.2)))
+    running.update(simulation.advance(simulation.state.cycle + 1, 0.0, 100))
+    record = simulation.retune(Parameters(1.2))
+    running.update(record)
     assert (running.report().impacts, running.report().epoch) == (0, 1)
     assert math.isnan(running.report().lambda_1)
     after = simulation.advance(FAR, 0.0, 3000)
     running.update(after)
     assert (running.report().impacts, running.report().epoch) == (3000, 1)
+    # Time is counted from the retune in mid-flight, not from the impact before it.
+    tau = [float(e['cycle'] * TWO_PI + e['phase']) for e in (record[0], after[-1])]
+    mean = (tau[1] - tau[0]) / 3000
+    assert running.report().mean_flight_time == pytest.approx(mean, rel=1e-12)
+    assert running.report().exact_sum == pytest.approx(
+        2.0 * math.log(0.9) - 0.1 * mean, abs=1e-12)
     late = RunningLyapunov()
     late.update(after)
     # A late joiner knows another beginning of the same average.
