@@ -8,9 +8,11 @@ is imported only when Ctrl-C and SIGTERM are taken care of. Only the standard li
 from collections.abc import Callable
 import functools
 import importlib
+import os
 import signal
 import sys
 from types import FrameType
+from typing import NoReturn
 
 # Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
 EXECUTABLES = {
@@ -29,17 +31,21 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def start(name: str) -> int:
-    """Run an executable with the arguments of this process; returns its exit status."""
+def start(name: str) -> NoReturn:
+    """Run an executable with the arguments of this process, and exit with its status."""
     try:
         signal.signal(signal.SIGINT, _interrupt)
         signal.signal(signal.SIGTERM, _interrupt)
-        return int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
+        status = int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
     except KeyboardInterrupt:
-        return 0
+        status = 0
+    # What was open has been closed; taking LLVM and DDS apart as well would cost half a second.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
-def __getattr__(name: str) -> Callable[[], int]:
+def __getattr__(name: str) -> Callable[[], NoReturn]:
     """Return the entry point of an executable, `start:NAME`."""
     if name not in EXECUTABLES:
         raise AttributeError(f'no executable {name!r}')
@@ -47,4 +53,4 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 
 if __name__ == '__main__':
-    sys.exit(start(sys.argv.pop(1)))
+    start(sys.argv.pop(1))

@@ -37,9 +37,10 @@ STORY = (0.57, 1.244)
 START_WITHIN = 180.0
 REFRESH = 0.25
 SUMMARY_WITHIN = 60.0
+# Everything slow is loaded while the nodes run; a line says that the bag is closed.
 SUMMARISE = (
-    'import sys; from gear_rattle_ros.offline.summary import main; '
-    'sys.stdin.readline(); sys.exit(main(sys.argv[1:]))')
+    'import sys; from gear_rattle_ros.offline.summary import main, prepare; prepare(); '
+    'sys.exit(main(sys.argv[1:]) if sys.stdin.readline() else 0)')
 PLAIN_EVERY = 5.0
 
 
@@ -63,7 +64,9 @@ class Monitor(Node):
         self.status.exponents = values
         now, index = time.monotonic(), int(values['index'])
         since, before = self._seen
-        if now - since >= 1.0:
+        if not before:
+            self._seen = (now, index)
+        elif now - since >= 1.0:
             self.status.impacts_per_second = max(index - before, 0) / (now - since)
             self._seen = (now, index)
         self.status.impacts = index
@@ -102,7 +105,8 @@ class Suite:
         (self._folder / 'log').mkdir()
         self._processes = Processes(self._folder / 'log')
         self._ros_arguments = ros_arguments
-        self._status = Status(duration=options.duration)
+        self._summary: subprocess.Popen[bytes] | None = None
+        self._status = Status(duration=options.duration, alpha=options.alpha)
 
     def run(self) -> None:
         """Run from the first process to the last; everything is ended in any case."""
@@ -159,21 +163,19 @@ class Suite:
             arguments = self._ros_arguments or ['--ros-args']
             self._processes.start(name, [*arguments, *parameters])
 
-    def _end_nodes(self) -> None:
-        # It loads its libraries while the nodes end, and draws when the bag is closed.
-        summary = subprocess.Popen(
+    def _prepare_summary(self) -> None:
+        self._summary = subprocess.Popen(
             [sys.executable, '-c', SUMMARISE, str(self._folder / 'bag'), '--output',
              str(self._folder / 'summary.png')],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
+
+    def _end_nodes(self) -> None:
         self._processes.stop(['simulator'], within=1.0)
         # What is under way arrives; the analysis nodes say their last word to the recorder.
         self._processes.stop(['lyapunov', 'transients'], within=1.0)
         self._processes.stop(['recorder', 'viewer'], within=2.0)
-        if (self._folder / 'bag').exists():
-            summary.communicate(b'\n', timeout=SUMMARY_WITHIN)
-        else:
-            summary.kill()
-            summary.wait()
+        if self._summary is not None:
+            self._summary.communicate(b'\n', timeout=SUMMARY_WITHIN)
 
     def _watch(self, monitor: Monitor) -> None:
         options, status = self._options, self._status
@@ -193,6 +195,7 @@ class Suite:
                     status.phase = f'starting, {now - began:.0f} s'
                     if status.impacts:
                         first = now
+                        self._prepare_summary()
                         status.phase = 'running'
                         if live is None:
                             print(f'running after {first - began:.1f} s', flush=True)

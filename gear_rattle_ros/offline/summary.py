@@ -1,6 +1,7 @@
 """One picture of a bag: section, velocities, alpha, exponents, the last motion, in words."""
 
 import argparse
+import io
 import math
 from pathlib import Path
 import sys
@@ -18,7 +19,9 @@ import numpy.typing as npt
 
 from .digest import Digest, digest_of, in_words, RowArray
 from ..bags import Bag, BagError
+from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
+from ..core.simulation import Simulation
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
 TWO_PI = 2.0 * math.pi
@@ -283,6 +286,12 @@ def save(figure: Figure, path: Path) -> None:
 
     """
     figure.savefig(path, dpi=DPI)
+
+
+def prepare() -> None:
+    """Load kernels, fonts and layouts by drawing a short trajectory to nowhere."""
+    events = Simulation(Parameters(), State()).advance(100, 0.0, 1000)
+    draw(digest_of([events]), 'nothing').savefig(io.BytesIO(), dpi=10)
 
 
 def main(arguments: list[str] | None = None) -> int:
