@@ -69,6 +69,9 @@ def cloud_from_events(events: EventArray, stamp: Time) -> PointCloud2:
 
 def events_from_cloud(cloud: PointCloud2) -> EventArray:
     """Return the EVENT array in a PointCloud2; ValueError says what does not fit."""
+    if cloud.height > 1 and cloud.row_step != cloud.width * cloud.point_step:
+        raise ValueError(
+            f'cloud has row_step {cloud.row_step} for {cloud.width} points of {cloud.point_step}')
     return decode_points(
         [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields],
         int(cloud.width) * int(cloud.height),

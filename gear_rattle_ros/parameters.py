@@ -117,7 +117,7 @@ TRANSIENTS: Final = (
                   'flight time', low=1e-9, high=0.1, read_only=True),
 )
 RECORDER: Final = (
-    Specification('output', '', 'bag directory to make; empty = rosbag2_<date and time> here', '',
+    Specification('output', '', 'bag directory to make; empty = rosbag2_DATE-TIME here', '',
                   read_only=True),
     Specification('compression', 'zstd', 'of the chunks: zstd, lz4 or none', '', read_only=True),
 )

@@ -104,7 +104,8 @@ class TransientReport:
         the beginning of the stream, or after a hole.
     lifetime : int or None
         Impacts from there to the first from which the trajectory stays within the tolerance of
-        its orbit, or to the last at rest; None while it is transient.
+        its orbit, or to the last at rest; None while it is transient. At least 2 for an orbit:
+        the first impact has no flight before it to compare.
     period_impacts, period_drive : int
         Period of the orbit in impacts and in drive periods; 0 off an orbit.
     multiplier : float

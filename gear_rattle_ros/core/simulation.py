@@ -428,6 +428,7 @@ class Simulation:
 
         """
         state = State(0, phase, displacement, velocity)
+        self._move_to_present()
         self._cycle += 1 if state.phase < self._phase else 0
         self._phase = state.phase
         t = self._trajectory[0]
@@ -448,6 +449,7 @@ class Simulation:
         return min(max(float(t['displacement'] + moved), -1.0), 0.0), velocity
 
     def _move_to_present(self) -> None:
+        # By rounding, the last event may lie an ulp beyond the moment asked for.
         t = self._trajectory[0]
         t['cycle'], t['phase'] = max(
             (self._cycle, self._phase), (int(t['cycle']), float(t['phase'])))

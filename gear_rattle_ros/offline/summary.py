@@ -114,8 +114,8 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
     drawn = axes.scatter(
         points['phase'], points['velocity'], s=_size(len(points)), linewidths=0,
         c=_colours(points, norm), rasterized=True)
-    share = '' if len(points) == digest.impacts else f' ({len(points):,} of them)'
-    axes.set_title(f'Section: every impact{share}, coloured by alpha')
+    share = 'every impact' if len(points) == digest.impacts else f'{len(points):,} impacts'
+    axes.set_title(f'Section: {share}, coloured by alpha')
     axes.set(xlim=(0.0, TWO_PI), xlabel='drive phase tau mod 2π [rad]',
              ylabel="velocity before the impact s' [1]")
     axes.xaxis.set_major_locator(MultipleLocator(math.pi / 2))
