@@ -1,0 +1,289 @@
+"""Periodic orbits as zeros of the impact map, and their multipliers."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .elementary import TWO_PI
+from .impact_map import shoot
+from .model import Parameters
+
+# Defects below this are rounding [1].
+CLOSED: Final = 1e-12
+NEWTON_STEPS: Final = 25
+# A step longer than this has left the orbit [1].
+LONGEST_STEP: Final = 0.5
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class PeriodicOrbit:
+    """
+    A periodic orbit, stable or not.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        The parameters.
+    walls : ndarray of int, shape (q,)
+        Walls of its impacts in order, 1 for the upper and 2 for the lower.
+    points : ndarray of float, shape (q, 2)
+        Phase and velocity just before each impact [rad, 1].
+    period_drive : int
+        Period [drive periods].
+    multipliers : ndarray of complex, shape (2,)
+        Eigenvalues of the derivative of one period [1], the larger first.
+
+    """
+
+    parameters: Parameters
+    walls: npt.NDArray[np.int64]
+    points: FloatArray
+    period_drive: int
+    multipliers: npt.NDArray[np.complex128]
+
+    @property
+    def period_impacts(self) -> int:
+        """Impacts in one period [1]."""
+        return len(self.walls)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether both multipliers lie inside the unit circle."""
+        return bool(np.max(np.abs(self.multipliers)) < 1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shot:
+    """
+    One round of a closed sequence of impacts.
+
+    Attributes
+    ----------
+    defects : ndarray of float, shape (2 q,)
+        What is missing to a periodic orbit [rad, 1].
+    jacobian : ndarray of float, shape (2 q, 2 q + 1)
+        Its derivatives by the points, and in the last column by alpha.
+    time : float
+        Sum of the flight times [1].
+
+    """
+
+    defects: FloatArray
+    jacobian: FloatArray
+    time: float
+
+    @property
+    def derivative(self) -> FloatArray:
+        """Derivative of the whole round, shape (2, 2)."""
+        q = len(self.defects) // 2
+        product = np.eye(2)
+        for k in range(q):
+            block = self.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2]
+            product = (block + np.eye(2) if q == 1 else block) @ product
+        return product
+
+
+def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters) -> Shot | None:
+    """
+    Map a closed sequence of impacts on.
+
+    Parameters
+    ----------
+    walls : ndarray of int, shape (q,)
+        Walls in order.
+    points : ndarray of float, shape (q, 2)
+        Phases and velocities [rad, 1].
+    parameters : Parameters
+        The parameters.
+
+    Returns
+    -------
+    Shot or None
+        None where a flight ends at another wall, or sticks.
+
+    """
+    q = len(walls)
+    defects, jacobian = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1))
+    p = parameters
+    time = shoot(walls, points, p.alpha, p.beta, p.gamma, p.restitution, defects, jacobian)
+    return Shot(defects, jacobian, time) if time > 0.0 else None
+
+
+def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
+                parameters: Parameters) -> PeriodicOrbit | None:
+    """
+    Find a periodic orbit near a sequence of impacts, by Newton's method.
+
+    Parameters
+    ----------
+    walls : ndarray of int, shape (q,)
+        Walls in order.
+    points : ndarray of float, shape (q, 2)
+        Phases and velocities [rad, 1], near the orbit.
+    parameters : Parameters
+        The parameters.
+
+    Returns
+    -------
+    PeriodicOrbit or None
+        None where there is none near.
+
+    """
+    walls = np.ascontiguousarray(walls, np.int64)
+    x = np.array(points, np.float64).reshape(len(walls), 2)
+    for _ in range(NEWTON_STEPS):
+        shot = fire(walls, x, parameters)
+        if shot is None:
+            return None
+        step = np.linalg.pinv(shot.jacobian[:, :-1]) @ shot.defects
+        if np.max(np.abs(step)) > LONGEST_STEP:
+            return None
+        x = x - step.reshape(x.shape)
+        if np.max(np.abs(step)) < CLOSED:
+            return orbit_at(walls, x, parameters)
+    return None
+
+
+def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
+             parameters: Parameters) -> PeriodicOrbit | None:
+    """
+    Describe the periodic orbit through given points.
+
+    Parameters
+    ----------
+    walls : ndarray of int, shape (q,)
+        Walls in order.
+    points : ndarray of float, shape (q, 2)
+        Phases and velocities [rad, 1].
+    parameters : Parameters
+        The parameters.
+
+    Returns
+    -------
+    PeriodicOrbit or None
+        None where they do not close to an orbit of whole drive periods.
+
+    """
+    shot = fire(walls, points, parameters)
+    if shot is None or np.max(np.abs(shot.defects)) > 1e3 * CLOSED:
+        return None
+    turns = round(shot.time / TWO_PI)
+    if turns < 1 or abs(shot.time - turns * TWO_PI) > 1e-8:
+        return None
+    multipliers = np.linalg.eigvals(shot.derivative).astype(np.complex128)
+    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind='stable')]
+    x = points.copy()
+    x[:, 0] = np.mod(x[:, 0], TWO_PI)
+    return PeriodicOrbit(parameters, walls, x, turns, multipliers)
+
+
+def shortest_period(walls: npt.NDArray[np.int64], phases: FloatArray, velocities: FloatArray,
+                    tolerance: float) -> int:
+    """
+    Find the period of a stretch of impacts.
+
+    Parameters
+    ----------
+    walls : ndarray of int, shape (n,)
+        Walls.
+    phases, velocities : ndarray of float, shape (n,)
+        Phases and velocities before the impacts [rad, 1].
+    tolerance : float
+        Largest distance of an impact from the one a period before [rad, 1].
+
+    Returns
+    -------
+    int
+        Impacts [1], at most half the stretch; 0 where nothing recurs.
+
+    """
+    for q in range(1, len(walls) // 2 + 1):
+        turn = np.abs(phases[q:] - phases[:-q])
+        turn = np.minimum(turn, TWO_PI - turn)
+        apart = np.maximum(turn, np.abs(velocities[q:] - velocities[:-q]))
+        if np.array_equal(walls[q:], walls[:-q]) and float(np.max(apart)) <= tolerance:
+            return q
+    return 0
+
+
+def double(orbit: PeriodicOrbit, amplitude: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
+    """
+    Guess the orbit of twice the period that leaves an orbit at a period doubling.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        Near the doubling: a multiplier near -1.
+    amplitude : float
+        Size of the first point's displacement along that multiplier's vector [1].
+
+    Returns
+    -------
+    walls, points : ndarray
+        For `close_orbit`.
+
+    """
+    shot = fire(orbit.walls, orbit.points, orbit.parameters)
+    assert shot is not None
+    values, vectors = np.linalg.eig(shot.derivative)
+    nearest = int(np.argmin(np.abs(values + 1.0)))
+    aside = amplitude * np.real(vectors[:, nearest])
+    q = orbit.period_impacts
+    moved = np.empty((2 * q, 2))
+    for k in range(2 * q):
+        moved[k] = orbit.points[k % q] + aside
+        block = shot.jacobian[2 * (k % q):2 * (k % q) + 2, 2 * (k % q):2 * (k % q) + 2]
+        aside = (block + np.eye(2) if q == 1 else block) @ aside
+    return np.tile(orbit.walls, 2), moved
+
+
+def same_orbit(a: PeriodicOrbit, b: PeriodicOrbit, tolerance: float) -> bool:
+    """
+    Tell whether two orbits are the same, whichever impact they begin with.
+
+    Parameters
+    ----------
+    a, b : PeriodicOrbit
+        The orbits.
+    tolerance : float
+        Largest distance of an impact [rad, 1].
+
+    Returns
+    -------
+    bool
+        Whether they are.
+
+    """
+    if a.period_impacts != b.period_impacts or a.period_drive != b.period_drive:
+        return False
+    for shift in range(a.period_impacts):
+        apart = np.abs(np.roll(b.points, shift, axis=0) - a.points)
+        apart[:, 0] = np.minimum(apart[:, 0], TWO_PI - apart[:, 0])
+        if np.max(apart) <= tolerance and np.array_equal(np.roll(b.walls, shift), a.walls):
+            return True
+    return False
+
+
+def exponents(orbit: PeriodicOrbit) -> tuple[float, float]:
+    """
+    Lyapunov exponents of a periodic orbit.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The orbit.
+
+    Returns
+    -------
+    tuple of float
+        Per impact [1], from the multipliers; their sum is ``2 ln r - beta 2 pi p/q``.
+
+    """
+    moduli = np.abs(orbit.multipliers)
+    rates = [math.log(float(m)) / orbit.period_impacts if m > 0.0 else -math.inf for m in moduli]
+    return rates[0], rates[1]

@@ -1,0 +1,92 @@
+"""How long many trajectories last before a periodic orbit captures them."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from .compiled import kernel
+from .elementary import TWO_PI
+from .lanes import advance, is_busy, refill, release, RUNS
+from .lanes_step import LANES
+
+STEPS: Final = 256
+# What has become of a trajectory: captured; neither captured nor ended when its time was up; at
+# rest or floating for ever.
+CAPTURED: Final = 1
+SURVIVED: Final = 0
+ENDED: Final = -1
+
+
+@kernel
+def last_until_captured(  # type: ignore[no-untyped-def]
+        tile, impacts, starts, points, radius, limit, lifetimes, fates):
+    """
+    Follow trajectories until they are captured.
+
+    Parameters
+    ----------
+    tile : TILE record
+        All lanes free.
+    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
+        Room to work in.
+    starts : ndarray of START, shape (n,)
+        The starts.
+    points : ndarray of float, shape (q, 2)
+        Phases and velocities of the orbit [rad, 1].
+    radius : float
+        A trajectory is captured when each of q + 1 impacts in a row lies so near to its point of
+        the orbit [rad, 1].
+    limit : int
+        Impacts after which it is given up.
+    lifetimes : ndarray of int, shape (n,)
+        Receives the impacts before the capture, or before the end.
+    fates : ndarray of int, shape (n,)
+        Receives CAPTURED, SURVIVED or ENDED.
+
+    """
+    q = len(points)
+    # Impacts in a row that were near the orbit, and the point that the last was near.
+    row = np.zeros(LANES, np.int64)
+    where = np.zeros(LANES, np.int64)
+    made = np.zeros(LANES, np.int64)
+    following = refill(tile, starts, 0, math.inf)
+    while following < len(starts) or is_busy(tile):
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            start = tile.start[i]
+            if start < 0:
+                continue
+            done = False
+            for k in range(tile.count[i]):
+                one = impacts[i, k]
+                made[i] += 1
+                first, last = 0, q
+                if row[i] > 0:
+                    first = (where[i] + 1) % q
+                    last = first + 1
+                near = -1
+                for j in range(first, last):
+                    turn = abs(one.phase - points[j, 0])
+                    turn = min(turn, TWO_PI - turn)
+                    if turn < radius and abs(one.velocity - points[j, 1]) < radius:
+                        near = j
+                if near >= 0:
+                    row[i] += 1
+                    where[i] = near
+                else:
+                    row[i] = 0
+                if row[i] > q or made[i] >= limit:
+                    fates[start] = CAPTURED if row[i] > q else SURVIVED
+                    lifetimes[start] = made[i] - (row[i] if row[i] > q else 0)
+                    done = True
+                    break
+            if not done and tile.end[i] != RUNS:
+                fates[start] = ENDED
+                lifetimes[start] = made[i]
+                done = True
+            if done:
+                release(tile, i)
+                row[i] = 0
+                made[i] = 0
+        following = refill(tile, starts, following, math.inf)

@@ -1,0 +1,262 @@
+"""
+How far the unstable manifold of a saddle orbit stays from its stable manifold.
+
+A boundary crisis is their tangency (Grebogi, Ott & Yorke 1983): the attractor is bounded by the
+one, its basin by the other. Points of the unstable manifold are mapped until they come back near
+the saddle; there the unstable coordinate, pulled back to where they came in, is the distance
+across the stable manifold with a sign.
+"""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .compiled import kernel
+from .elementary import TWO_PI
+from .flight import NO_WALL
+from .impact_map import next_impact
+from .closed_orbits import fire, FloatArray, PeriodicOrbit
+
+# The unstable manifold is straight so far from the saddle [1], to the square of this.
+SEED_DISTANCE: Final = 1e-6
+# A return is seen within so much of the saddle, across the stable manifold and along it [1].
+ACROSS: Final = 0.03
+ALONG: Final = 0.3
+# A return counts after so many turns near the saddle: the coordinate is then exact.
+TURNS: Final = 2
+NEVER: Final = -1e9
+# Refining a maximum: so many samples of a bracket that shrinks by so much, so often.
+SAMPLES: Final = 17
+SHRINK: Final = 5.0
+ROUNDS: Final = 10
+
+
+@dataclasses.dataclass(frozen=True)
+class Saddle:
+    """
+    A saddle orbit with its directions at the first impact.
+
+    Attributes
+    ----------
+    orbit : PeriodicOrbit
+        With real multipliers, one outside the unit circle and one inside.
+    unstable, stable : ndarray of float, shape (2,)
+        Unit vectors (phase, velocity); the unstable one points away from the orbit that
+        captures.
+    rows : ndarray of float, shape (2, 2)
+        Rows that give the unstable and the stable coordinate.
+
+    """
+
+    orbit: PeriodicOrbit
+    unstable: FloatArray
+    stable: FloatArray
+    rows: FloatArray
+
+    @property
+    def expansion(self) -> float:
+        """Multiplier outside the unit circle [1]."""
+        return float(self.orbit.multipliers[0].real)
+
+    @property
+    def contraction(self) -> float:
+        """Multiplier inside it [1]."""
+        return float(self.orbit.multipliers[1].real)
+
+    @property
+    def lifetime_exponent(self) -> float:
+        """Exponent of the lifetime law at a homoclinic tangency (Grebogi, Ott & Yorke 1986)."""
+        along = math.log(abs(self.contraction))
+        return along / (2.0 * (math.log(abs(self.expansion)) + along))
+
+
+@dataclasses.dataclass(frozen=True)
+class Edge:
+    """
+    The return of the unstable manifold that comes nearest to crossing the stable one.
+
+    Attributes
+    ----------
+    distance : float
+        Across the stable manifold [1]; positive beyond it: trajectories escape.
+    place : float
+        Where on the unstable manifold, in periods of the saddle from `SEED_DISTANCE` on [1].
+    impacts : int
+        Impacts from there to the return.
+
+    """
+
+    distance: float
+    place: float
+    impacts: int
+
+
+def saddle_of(orbit: PeriodicOrbit, captor: PeriodicOrbit) -> Saddle:
+    """
+    Find the directions of a saddle.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The saddle, with positive multipliers.
+    captor : PeriodicOrbit
+        The orbit on the other side, as many impacts.
+
+    Returns
+    -------
+    Saddle
+        With the unstable direction that points away from the captor.
+
+    Raises
+    ------
+    ValueError
+        If the orbit is no such saddle.
+
+    """
+    shot = fire(orbit.walls, orbit.points, orbit.parameters)
+    first, second = orbit.multipliers
+    if shot is None or first.imag != 0.0 or not first.real > 1.0 > second.real > 0.0:
+        raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit is no saddle with '
+                         'positive multipliers')
+    values, vectors = np.linalg.eig(shot.derivative)
+    vectors = np.real(vectors[:, np.argsort(-np.abs(values))])
+    rows = np.linalg.inv(vectors)
+    shift = min(range(len(captor.points)), key=lambda k: _apart(captor, k, orbit))
+    aside = captor.points[shift] - orbit.points[0]
+    aside[0] -= TWO_PI * math.floor(aside[0] / TWO_PI + 0.5)
+    if rows[0] @ aside > 0.0:
+        vectors[:, 0] *= -1.0
+        rows[0] *= -1.0
+    return Saddle(orbit, vectors[:, 0], vectors[:, 1], rows)
+
+
+def _apart(captor: PeriodicOrbit, shift: int, orbit: PeriodicOrbit) -> float:
+    if not np.array_equal(np.roll(captor.walls, -shift), orbit.walls):
+        return math.inf
+    aside = np.roll(captor.points, -shift, axis=0) - orbit.points
+    aside[:, 0] -= TWO_PI * np.floor(aside[:, 0] / TWO_PI + 0.5)
+    return float(np.max(np.abs(aside)))
+
+
+@kernel
+def returns(  # type: ignore[no-untyped-def]
+        places, seed, wall, period, point, unstable, rows, expansion, impacts, alpha, beta, gamma,
+        restitution, distances, numbers):
+    """
+    Map points of the unstable manifold on and find their farthest return.
+
+    Parameters
+    ----------
+    places : ndarray of float, shape (n,)
+        Where they begin, in periods of the saddle [1].
+    seed : float
+        Distance from the saddle at place 0 [1].
+    wall, period : int
+        Wall of the saddle's first impact, and its impacts.
+    point, unstable : ndarray of float, shape (2,)
+        The saddle and its unstable direction.
+    rows : ndarray of float, shape (2, 2)
+        Rows that give the coordinates.
+    expansion : float
+        Its multiplier [1].
+    impacts : int
+        How far to map.
+    alpha, beta, gamma, restitution : float
+        Parameters [1].
+    distances : ndarray of float, shape (n,)
+        Receives the distance beyond the stable manifold [1], NEVER without a return.
+    numbers : ndarray of int, shape (n,)
+        Receives the number of the impact.
+
+    """
+    entered = np.empty(period, np.int64)
+    crossed = np.empty(period)
+    for i in range(len(places)):
+        distances[i] = NEVER
+        numbers[i] = -1
+        entered[:] = -1
+        aside = seed * expansion ** places[i]
+        phase = point[0] + aside * unstable[0]
+        velocity = point[1] + aside * unstable[1]
+        here = wall
+        away = False
+        for n in range(1, impacts + 1):
+            here, _, phase, velocity, _ = next_impact(
+                here, phase, velocity, alpha, beta, gamma, restitution)
+            if here == NO_WALL:
+                break
+            turn = phase - point[0]
+            turn -= TWO_PI * math.floor(turn / TWO_PI + 0.5)
+            climb = velocity - point[1]
+            across = rows[0, 0] * turn + rows[0, 1] * climb
+            along = rows[1, 0] * turn + rows[1, 1] * climb
+            near = here == wall and abs(across) < ACROSS and abs(along) < ALONG
+            c = n % period
+            if not away:
+                away = c == 0 and not near
+            elif near:
+                if entered[c] < 0:
+                    entered[c] = n
+                crossed[c] = -across * expansion ** (-(n - entered[c]) / period)
+            elif entered[c] >= 0:
+                if n - entered[c] > TURNS * period and crossed[c] > distances[i]:
+                    distances[i] = crossed[c]
+                    numbers[i] = entered[c]
+                entered[c] = -1
+
+
+def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candidates: int = 12,
+              near: float | None = None, seed: float = SEED_DISTANCE) -> Edge:
+    """
+    Find the return that comes nearest to crossing the stable manifold, or crosses it farthest.
+
+    Parameters
+    ----------
+    saddle : Saddle
+        The saddle.
+    samples : int
+        Points of the unstable manifold, over one period.
+    impacts : int
+        How far they are mapped.
+    candidates : int
+        So many of the largest local maxima are refined.
+    near : float, optional
+        Look only near this place [1], a tenth of the samples over a hundredth of a period.
+    seed : float
+        Distance from the saddle at which the manifold begins [1].
+
+    Returns
+    -------
+    Edge
+        Its `distance` is `NEVER` where nothing returns.
+
+    """
+    def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+        p = saddle.orbit.parameters
+        distances, numbers = np.empty(len(places)), np.empty(len(places), np.int64)
+        returns(places, seed, int(saddle.orbit.walls[0]), saddle.orbit.period_impacts,
+                saddle.orbit.points[0], saddle.unstable, saddle.rows, saddle.expansion, impacts,
+                p.alpha, p.beta, p.gamma, p.restitution, distances, numbers)
+        return distances, numbers
+
+    places = np.arange(samples) / samples
+    if near is not None:
+        places = near + np.linspace(-0.005, 0.005, samples // 10)
+    spacing = float(places[1] - places[0])
+    distances, _ = look(places)
+    tops = np.flatnonzero((distances >= np.roll(distances, 1))
+                          & (distances >= np.roll(distances, -1)) & (distances > NEVER))
+    best = Edge(NEVER, 0.0, -1)
+    for top in tops[np.argsort(-distances[tops])][:candidates]:
+        place, width = float(places[top]), spacing
+        for _ in range(ROUNDS):
+            closer = place + np.linspace(-width, width, SAMPLES)
+            distances, numbers = look(closer)
+            k = int(np.argmax(distances))
+            place, width = float(closer[k]), width / SHRINK
+            if distances[k] > best.distance:
+                best = Edge(float(distances[k]), place, int(numbers[k]))
+    return best

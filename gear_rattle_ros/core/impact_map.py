@@ -1,0 +1,139 @@
+"""The map from one impact to the next with its exact derivatives, eq. (9) of the paper."""
+
+import math
+
+from .compiled import kernel
+from .elementary import relaxation, sine_cosine
+from .flight import acceleration, is_pressed, later, LEG, NO_WALL, search_impact, UPPER
+from .model import STICKING_SPEED
+
+
+@kernel
+def next_impact(  # type: ignore[no-untyped-def]
+        wall, phase, velocity, alpha, beta, gamma, restitution):
+    """
+    Go from one impact to the next.
+
+    Parameters
+    ----------
+    wall : int
+        UPPER or LOWER.
+    phase, velocity : float
+        Of the impact, just before it [rad, 1].
+    alpha, beta, gamma, restitution : float
+        Parameters [1].
+
+    Returns
+    -------
+    wall : int
+        Of the next impact; NO_WALL where the mass sticks first or meets none in 64 drive periods:
+        there the map is not smooth, or not defined.
+    cycles : int
+        Whole drive periods passed.
+    phase, velocity, duration : float
+        Of the next impact, just before it, and the flight to it [rad, 1, 1].
+
+    """
+    towards = 1.0 if wall == UPPER else -1.0
+    after = -restitution * velocity
+    if abs(after) < STICKING_SPEED:
+        sine, cosine = sine_cosine(phase)
+        if is_pressed(towards, sine, cosine, alpha, beta, gamma):
+            return NO_WALL, 0, phase, velocity, 0.0
+    s0 = 0.0 if wall == UPPER else -1.0
+    d, before, hit = search_impact(0.0, LEG, phase, s0, after, alpha, beta, gamma)
+    cycles, phase_hit = later(phase, d)
+    return hit, cycles, phase_hit, before, d
+
+
+@kernel
+def derivatives(  # type: ignore[no-untyped-def]
+        phase, velocity, d, phase_next, velocity_next, alpha, beta, gamma, restitution):
+    """
+    Differentiate the phase and velocity of an impact by those of the one before, and by alpha.
+
+    Parameters
+    ----------
+    phase, velocity : float
+        Of the first impact [rad, 1].
+    d : float
+        Flight time [1].
+    phase_next, velocity_next : float
+        Of the second impact [rad, 1], whose velocity is not zero.
+    alpha, beta, gamma, restitution : float
+        Parameters [1].
+
+    Returns
+    -------
+    tuple of float
+        Derivatives of the phase by phase, velocity and alpha, then those of the velocity [1].
+
+    """
+    decay, integral, _ = relaxation(d, beta)
+    sine, cosine = sine_cosine(phase)
+    sine_next, cosine_next = sine_cosine(phase_next)
+    after = -restitution * velocity
+    leaving = acceleration(sine, cosine, after, alpha, beta, gamma)
+    meeting = acceleration(sine_next, cosine_next, velocity_next, alpha, beta, gamma)
+    # At fixed time: a later start is a state that lies so much behind.
+    way_phase = -after - integral * leaving
+    way_velocity = -restitution * integral
+    way_alpha = sine_next - sine - integral * cosine
+    slope = -1.0 / velocity_next
+    phase_phase = slope * way_phase
+    phase_velocity = slope * way_velocity
+    phase_alpha = slope * way_alpha
+    return (
+        phase_phase, phase_velocity, phase_alpha,
+        meeting * phase_phase - decay * leaving,
+        meeting * phase_velocity - decay * restitution,
+        meeting * phase_alpha + cosine_next - decay * cosine,
+    )
+
+
+@kernel
+def shoot(  # type: ignore[no-untyped-def]
+        walls, points, alpha, beta, gamma, restitution, defects, jacobian):
+    """
+    Map every impact of a closed sequence on, and compare with the next one.
+
+    Parameters
+    ----------
+    walls : ndarray of int, shape (q,)
+        Walls of the impacts, in order; the first follows the last.
+    points : ndarray of float, shape (q, 2)
+        Their phases and velocities [rad, 1].
+    alpha, beta, gamma, restitution : float
+        Parameters [1].
+    defects : ndarray of float, shape (2 q,)
+        Receives what is missing to a periodic orbit [rad, 1].
+    jacobian : ndarray of float, shape (2 q, 2 q + 1)
+        Receives the derivatives of `defects` by `points` and alpha.
+
+    Returns
+    -------
+    float
+        Sum of the flight times [1]; negative where a flight ends at another wall or at none.
+
+    """
+    q = len(walls)
+    jacobian[:] = 0.0
+    total = 0.0
+    for k in range(q):
+        n = (k + 1) % q
+        hit, _, phase, velocity, d = next_impact(
+            walls[k], points[k, 0], points[k, 1], alpha, beta, gamma, restitution)
+        if hit != walls[n] or velocity == 0.0:
+            return -1.0
+        total += d
+        apart = phase - points[n, 0]
+        defects[2 * k] = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi) + 0.5)
+        defects[2 * k + 1] = velocity - points[n, 1]
+        one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, alpha, beta, gamma,
+                          restitution)
+        for row in range(2):
+            jacobian[2 * k + row, 2 * k] = one[3 * row]
+            jacobian[2 * k + row, 2 * k + 1] = one[3 * row + 1]
+            jacobian[2 * k + row, 2 * q] = one[3 * row + 2]
+            jacobian[2 * k + row, 2 * n + row] -= 1.0
+    return total
