@@ -154,12 +154,21 @@ def read_through(stream: IO[bytes], topics: Collection[str] | None, start: int,
 def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
     """Return the records of a file up to where it was cut off."""
     stream.seek(0)
-    with contextlib.suppress(EndOfFile):
-        for record in StreamReader(stream, emit_chunks=True).records:
-            if isinstance(record, Chunk):
-                yield from breakup_chunk(record, validate_crc=True)
-            else:
-                yield record
+    records = StreamReader(stream, emit_chunks=True).records
+    while True:
+        try:
+            record = next(records, None)
+        except (EndOfFile, struct.error):
+            # A cut within the few bytes of a record's head is the latter.
+            if stream.read(1):
+                raise
+            return
+        if record is None:
+            return
+        if isinstance(record, Chunk):
+            yield from breakup_chunk(record, validate_crc=True)
+        else:
+            yield record
 
 
 def _message(channel: Channel, type_name: str, message: mcap.records.Message) -> Message:
