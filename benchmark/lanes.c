@@ -15,14 +15,15 @@ typedef struct {
     whole cycle;
     row phase, displacement, velocity, sine, cosine, alpha, beta, gamma, restitution, left;
     row duration, moved, velocity_now, sine_now, cosine_now;
-    row towards, speed, pull, jerk, ahead, behind, horizon, step, jerk_bound, returns, aimed;
+    row towards, speed, pull, jerk, ahead, behind, horizon, step, jerk_bound, snap_bound, returns;
+    row aimed, aim_error, slowness, longest;
     row next_step, next_towards, next_displacement, next_velocity, next_sine, next_cosine;
     row sine_half, cosine_half, impact_velocity;
     whole has_hit, is_special, count, start, end;
 } tile;
 
 typedef struct {
-    double c2, c3, c4, c5, c6, c7, bend;
+    double s4, s5, s6, s7, s8, bend;
 } series;
 
 #define ALWAYS static inline __attribute__((always_inline))
@@ -40,36 +41,25 @@ ALWAYS double sine_series(double y)
         - (1.0 / 6 + z * (1.0 / 5040 + z * (1.0 / 39916800 + z * (1.0 / 1307674368000))));
 }
 
-ALWAYS series taylor(const tile *t, int i)
+ALWAYS series derivatives(const tile *t, int i)
 {
-    double alpha = t->alpha[i], beta = t->beta[i], towards = t->towards[i];
-    double drive_sine = alpha * t->sine_now[i], drive_cosine = alpha * t->cosine_now[i];
-    double relax = t->gamma[i] - beta * (t->velocity_now[i] - drive_cosine);
-    double square = beta * beta, relax_2 = square * relax, relax_3 = beta * relax_2;
+    double alpha = t->alpha[i], beta = t->beta[i], towards = t->towards[i] * alpha;
+    double sine = towards * t->sine_now[i], cosine = towards * t->cosine_now[i];
+    double relax = t->pull[i] + sine, square = beta * beta;
+    double relax_2 = square * relax, relax_3 = beta * relax_2;
     double relax_4 = square * relax_2, relax_5 = square * relax_3, relax_6 = square * relax_4;
     series s = {
-        0.5 * t->jerk[i],
-        (1.0 / 6.0) * (towards * (drive_sine + relax_2)),
-        (1.0 / 24.0) * (towards * (drive_cosine - relax_3)),
-        (1.0 / 120.0) * (towards * (relax_4 - drive_sine)),
-        (1.0 / 720.0) * (towards * (-drive_cosine - relax_5)),
-        (1.0 / 5040.0) * (towards * (drive_sine + relax_6)),
+        sine + relax_2, cosine - relax_3, relax_4 - sine, -cosine - relax_5, sine + relax_6,
         alpha + (fabs(relax_6) > fabs(relax) ? fabs(relax_6) : fabs(relax)),
     };
     return s;
 }
 
-ALWAYS double taylor_speed(double x, double u, double f, series s)
+ALWAYS double worst_jerk(double jerk, double jerk_bound, double snap_bound, double longest)
 {
-    double y = x * x;
-    return ((u + x * f) + y * (s.c2 + x * s.c3)) + (y * y) * (s.c4 + x * (s.c5 + x * s.c6));
-}
-
-ALWAYS double taylor_way(double x, double u, double f, series s)
-{
-    double y = x * x;
-    return x * (((u + x * (0.5 * f)) + y * ((1.0 / 3.0) * s.c2 + x * (0.25 * s.c3)))
-                + (y * y) * (0.2 * s.c4 + x * ((1.0 / 6.0) * s.c5 + x * ((1.0 / 7.0) * s.c6))));
+    double c = jerk + snap_bound * longest * 0.25;
+    c = c < jerk_bound ? c : jerk_bound;
+    return clip(c);
 }
 
 static void look_ahead(tile *restrict t)
@@ -82,7 +72,6 @@ static void look_ahead(tile *restrict t)
         int rising = velocity > 0.0;
         double towards = rising ? 1.0 : -1.0, u = fabs(velocity);
         double f = towards * (relax - alpha * t->sine_now[i]);
-        double j = towards * (-drive_cosine - relax_1);
         double upper = clip(-t->displacement[i] - t->moved[i]);
         double lower = clip(1.0 + t->displacement[i] + t->moved[i]);
         double ahead = rising ? upper : lower;
@@ -92,36 +81,55 @@ static void look_ahead(tile *restrict t)
         double horizon = (recedes ? 2.5 * fabs(f) : moves ? 2.0 * ahead : root)
             / (recedes ? bound_3 : moves ? u + root : f);
         horizon = recedes & !(horizon > 0.3) ? 0.3 : horizon;
-        horizon = horizon < 10.0 ? horizon : 10.0;
-        double c = j + (alpha + fabs(beta * relax_1)) * horizon * 0.25;
-        c = c < bound_3 ? c : bound_3;
-        c = clip(c);
-        double bent = f + c * horizon * (1.0 / 3.0);
-        root = sqrt(u * u + 2.0 * bent * ahead);
-        double front = (moves ? 2.0 * ahead : root) / (moves ? u + root : bent);
-        int reaches = (moves | (bent > 0.0)) & (front < horizon);
-        t->step[i] = reaches ? front : horizon;
-        t->horizon[i] = horizon;
+        t->horizon[i] = horizon < 10.0 ? horizon : 10.0;
         t->towards[i] = towards;
         t->speed[i] = u;
         t->pull[i] = f;
-        t->jerk[i] = j;
+        t->jerk[i] = towards * (-drive_cosine - relax_1);
         t->jerk_bound[i] = bound_3;
+        t->snap_bound[i] = alpha + fabs(beta * relax_1);
         t->ahead[i] = ahead;
         t->behind[i] = rising ? lower : upper;
     }
 }
 
-static void look_behind(tile *restrict t)
+static void stop_ahead_and_aim(tile *restrict t)
 {
     EACH {
-        double alpha = t->alpha[i], beta = t->beta[i];
-        double relax_1 = beta * (t->gamma[i] - beta * (t->velocity_now[i]
-                                                       - alpha * t->cosine_now[i]));
-        double bound_3 = t->jerk_bound[i], u = t->speed[i], f = t->pull[i], front = t->step[i];
-        double c = (alpha + fabs(beta * relax_1)) * front * 0.25 - t->jerk[i];
-        c = c < bound_3 ? c : bound_3;
-        c = clip(c);
+        double u = t->speed[i], ahead = t->ahead[i], x = t->horizon[i], f = t->pull[i];
+        double j = t->jerk[i];
+        double c = worst_jerk(j, t->jerk_bound[i], t->snap_bound[i], x);
+        double bent = f + c * x * (1.0 / 3.0), root = sqrt(u * u + 2.0 * bent * ahead);
+        int moves = u > 0.0;
+        double front = (moves ? 2.0 * ahead : root) / (moves ? u + root : bent);
+        int reaches = (moves | (bent > 0.0)) & (front < x);
+        t->step[i] = reaches ? front : x;
+
+        series s = derivatives(t, i);
+        double x2 = 0.5 * x, x3 = (1.0 / 3.0) * x, x4 = 0.25 * x, x5 = 0.2 * x;
+        double x6 = (1.0 / 6.0) * x;
+        double way = x * (u + x2 * (f + x3 * (j + x4 * (s.s4 + x5 * (
+            s.s5 + x6 * (s.s6 + (1.0 / 7.0) * x * s.s7))))));
+        double speed = u + x * (f + x2 * (j + x3 * (s.s4 + x4 * (
+            s.s5 + x5 * (s.s6 + x6 * s.s7)))));
+        double acceleration = f + x * (j + x2 * (s.s4 + x3 * (s.s5 + x4 * (s.s6 + x5 * s.s7))));
+        double inverse = 1.0 / speed, newton = (way - ahead) * inverse;
+        double bending = (0.5 * acceleration) * (inverse * newton);
+        double change = newton + newton * bending;
+        t->aimed[i] = x - change;
+        t->aim_error[i] = (newton * newton) * (
+            1.25 * fabs(acceleration * bending)
+            + (0.57 * (s.bend + t->jerk_bound[i])) * fabs(newton));
+        t->slowness[i] = (fabs(bending) < 0.5) & moves ? inverse : -1.0;
+        t->longest[i] = x + fabs(change);
+    }
+}
+
+static void stop_behind(tile *restrict t)
+{
+    EACH {
+        double u = t->speed[i], f = t->pull[i], front = t->step[i];
+        double c = worst_jerk(-t->jerk[i], t->jerk_bound[i], t->snap_bound[i], front);
         double q = c * front * (1.0 / 3.0) - f, behind = t->behind[i];
         double way = u + sqrt(u * u + 2.0 * q * behind);
         int bends = way * c < 3.0 * f * q;
@@ -132,42 +140,35 @@ static void look_behind(tile *restrict t)
     }
 }
 
-static void aim(tile *restrict t)
-{
-    EACH {
-        double u = t->speed[i], f = t->pull[i], x = t->horizon[i];
-        series s = taylor(t, i);
-        t->aimed[i] = x - (taylor_way(x, u, f, s) - t->ahead[i]) / taylor_speed(x, u, f, s);
-    }
-}
-
 static void close_in(tile *restrict t)
 {
     EACH {
-        double u = t->speed[i], f = t->pull[i], x = t->aimed[i], ahead = t->ahead[i];
-        series s = taylor(t, i);
-        double speed = taylor_speed(x, u, f, s), inverse = 1.0 / speed;
-        double change = (taylor_way(x, u, f, s) - ahead) * inverse, last = x - change;
-        double power = last * last;
+        double u = t->speed[i], f = t->pull[i], j = t->jerk[i], x = t->aimed[i];
+        series s = derivatives(t, i);
+        double impact_speed = u + x * (f + 0.5 * x * (j + (1.0 / 3.0) * x * (
+            s.s4 + 0.25 * x * (s.s5 + 0.2 * x * (
+                s.s6 + (1.0 / 6.0) * x * (s.s7 + (1.0 / 7.0) * x * s.s8))))));
+        double power = x * x;
         power = power * power;
-        double error = s.bend * (change * change + power * power * (1.0 / 40320.0));
-        double margin = 2.0 * error * inverse;
-        change = fabs(change);
-        double longest = x + change;
-        int certain = (u > 0.0) & (x >= 0.0) & (longest < 2.0) & (last >= margin)
-            & (u + longest * (f - 0.5 * t->jerk_bound[i] * longest) > 0.0)
-            & (s.bend * (margin + change) < 0.25 * speed);
-        s.c6 = s.c6 + last * s.c7;
-        double impact_speed = taylor_speed(last, u, f, s), d = t->duration[i];
-        int ends = certain & (error < 1e-16 * impact_speed * (d + last));
-        double near = last - margin, step = t->step[i];
+        double error = t->aim_error[i] + s.bend * (power * power * (1.0 / 40320.0));
+        double slowness = t->slowness[i], margin = 2.0 * error * slowness;
+        double longest = t->longest[i], jerk_bound = t->jerk_bound[i];
+        double c = (1.0 / 3.0) * t->snap_bound[i] * longest - j;
+        c = c < jerk_bound ? c : jerk_bound;
+        c = clip(c);
+        int certain = (slowness > 0.0) & (longest < 2.0) & (x >= margin)
+            & (u + longest * (f - 0.5 * c * longest) > 0.0)
+            & (margin * (impact_speed - (1.25 * s.bend) * margin) >= error);
+        double d = t->duration[i];
+        int ends = certain & (error < 1e-16 * impact_speed * (d + x));
+        double near = x - margin, step = t->step[i];
         int returns = t->returns[i] != 0.0;
         step = certain & ((near > step) | returns) ? near : step;
         double towards = returns & !certain ? -t->towards[i] : t->towards[i];
         double before = ends ? impact_speed : towards * t->velocity_now[i];
         int is_active = t->left[i] > 0.0;
         int hits = (ends | (d + step == d)) & is_active;
-        t->next_step[i] = is_active ? (ends ? last : step) : 0.0;
+        t->next_step[i] = is_active ? (ends ? x : step) : 0.0;
         t->next_towards[i] = towards;
         t->has_hit[i] = hits;
         t->impact_velocity[i] = towards * clip(before);
@@ -267,8 +268,8 @@ int64_t take_steps(tile *t, int64_t steps)
     int64_t specials = 0;
     for (int64_t k = 0; k < steps; k++) {
         look_ahead(t);
-        look_behind(t);
-        aim(t);
+        stop_ahead_and_aim(t);
+        stop_behind(t);
         close_in(t);
         strike(t);
         turn(t);

@@ -213,6 +213,36 @@ def test_never_outside_the_walls() -> None:
         assert np.all((place > -1.0 - 4 * size) & (place < 4 * size))
 
 
+def test_flights_are_evaluated_as_by_the_scalar_kernel() -> None:
+    """Bit for bit, at every step of every lane."""
+    tile = new_tiles(1)[0]
+    starts = mixed_starts(LANES, 11)
+    starts['restitution'] = 1.0
+    refill(tile, starts, 0, math.inf)
+    for _ in range(60):
+        advance(tile, NO_IMPACTS, 1)
+        for i in range(LANES):
+            sine, cosine = sine_cosine(tile['phase'][i])
+            parameters = (tile[name][i] for name in ('alpha', 'beta', 'gamma'))
+            there = displace(tile['duration'][i], sine, cosine, tile['velocity'][i], *parameters)
+            assert there == tuple(
+                tile[name][i] for name in ('moved', 'velocity_now', 'sine_now', 'cosine_now'))
+
+
+def test_no_search_takes_long() -> None:
+    """Grazing and the weakest impacts too: no flight of many takes 100 steps."""
+    tile = new_tiles(1)[0]
+    starts = mixed_starts(LANES, 12)
+    starts['velocity'] *= 1e-4
+    refill(tile, starts, 0, math.inf)
+    steps = np.zeros(LANES)
+    for _ in range(5000):
+        before = tile['duration'].copy()
+        advance(tile, NO_IMPACTS, 1)
+        steps = np.where((tile['duration'] > before) & (tile['left'] > 0.0), steps + 1, 0)
+        assert steps.max() < 100
+
+
 def test_statistics_of_chaos_equal_the_scalar_ones() -> None:
     """At alpha = 1.1, mean flight time, share of the upper wall and mean speed."""
     count, skipped = 1500, 100

@@ -1,0 +1,47 @@
+"""What numba lacks for loops that LLVM is to turn into SIMD code."""
+
+from typing import Any
+
+from llvmlite import ir
+import numba
+from numba import types
+import numba.extending
+
+# Both untyped in numba.
+intrinsic: Any = numba.extending.intrinsic
+inlined: Any = numba.njit(error_model='numpy', nogil=True, forceinline=True)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def choose(_context: Any, condition: Any, yes: Any, no: Any) -> Any:
+    """Select one of two floats without a branch; LLVM would merge branches into masked stores."""
+    def code(_target: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.select(*arguments)
+
+    return types.float64(types.boolean, types.float64, types.float64), code
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def square_root(_context: Any, x: Any) -> Any:
+    """Take a square root by instruction: `math.sqrt` calls libm, which does not vectorise."""
+    def code(_target: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.call(
+            builder.module.declare_intrinsic('llvm.sqrt', [ir.DoubleType()]), arguments)
+
+    return types.float64(types.float64), code
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def prefer_wide_vectors(_context: Any) -> Any:
+    """
+    Let LLVM use 512-bit vectors in the calling function, where the processor has them.
+
+    LLVM prefers 256 bits on many Intel processors. This is what clang's
+    `-mprefer-vector-width=512` sets: a function attribute, so nothing else in the process is
+    touched. llvmlite knows no attribute with a value; the text is put into its set as it is.
+    """
+    def code(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.void(), code
