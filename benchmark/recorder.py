@@ -33,7 +33,7 @@ from gear_rattle_ros.qos import STREAM
 
 BATCH = 1024
 RATE = 1.1e6
-WINDOW = 32
+WINDOW = 64
 
 
 def chaotic(count: int) -> EventArray:
