@@ -13,6 +13,8 @@ from .model import Parameters
 
 # Defects below this are rounding [1].
 CLOSED: Final = 1e-12
+# Points nearer than this are one [rad, 1].
+REPEATS: Final = 1e-9
 NEWTON_STEPS: Final = 25
 # A step longer than this has left the orbit [1].
 LONGEST_STEP: Final = 0.5
@@ -145,8 +147,21 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
             return None
         x = x - step.reshape(x.shape)
         if np.max(np.abs(step)) < CLOSED:
-            return orbit_at(walls, x, parameters)
+            q = _least_period(walls, x)
+            return orbit_at(walls[:q], x[:q], parameters)
     return None
+
+
+def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
+    # A slow approach from alternating sides looks like an orbit of twice the period.
+    q = len(walls)
+    for p in range(1, q):
+        if q % p == 0 and np.array_equal(np.roll(walls, p), walls):
+            apart = np.abs(np.roll(points, p, axis=0) - points)
+            apart[:, 0] = np.abs(apart[:, 0] - TWO_PI * np.round(apart[:, 0] / TWO_PI))
+            if np.max(apart) < REPEATS:
+                return p
+    return q
 
 
 def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,

@@ -24,6 +24,8 @@ from ..core.raster import BLOCKS, fill, KEPT, STEPS
 FloatArray = npt.NDArray[np.float64]
 # Two trajectories that settled on a periodic orbit agree to this [rad, 1].
 RECURS: Final = 1e-4
+# Two orbits are one where their points agree to this [rad, 1].
+SAME: Final = 1e-3
 # Two chaotic trajectories are on one attractor where their histograms share so much.
 SHARES: Final = 0.3
 
@@ -158,9 +160,21 @@ class Followers:
         self.count = len(starts)
         self._tile: Any = new_tiles(1)[0]
         self._impacts = new_impacts(STEPS)
-        self._ended = np.zeros(self.count, bool)
         # A lane that is to make no impact parks where it starts.
         refill(self._tile, starts, 0, 0.0)
+
+    def states(self) -> FloatArray:
+        """
+        Tell where the trajectories are.
+
+        Returns
+        -------
+        ndarray of float, shape (n, 3)
+            Phase [rad], displacement and velocity [1].
+
+        """
+        return np.stack([np.asarray(self._tile[name][:self.count], np.float64)
+                         for name in ('phase', 'displacement', 'velocity')], axis=1)
 
     def run(self, parameters: Parameters, window: Window) -> Ensemble:
         """
@@ -241,38 +255,37 @@ def settle(ensemble: Ensemble) -> list[Settled]:
         their histograms share.
 
     """
-    groups: list[tuple[Kind, list[int], PeriodicOrbit | None]] = []
+    groups: list[tuple[list[int], PeriodicOrbit | None]] = []
+    resting = [int(i) for i in np.flatnonzero(ensemble.rests)]
     orbits = [None if rests else orbit_of(impacts, ensemble.parameters)
               for impacts, rests in zip(ensemble.last, ensemble.rests, strict=True)]
     smooth = _smoothed(ensemble.counts)
-    for i, orbit in enumerate(orbits):
-        if ensemble.rests[i]:
-            kind = Kind.REST
-        elif orbit is not None:
-            kind = Kind.ORBIT
-        else:
-            mean, error = _exponent(ensemble.growth[i:i + 1])
-            kind = Kind.CHAOTIC if mean > 4.0 * error else Kind.UNRESOLVED
-        for theirs, members, first in groups:
-            if theirs is kind and (
-                    kind is Kind.REST
-                    or (orbit is not None and first is not None and same_orbit(orbit, first, 1e-3))
-                    or (orbit is None and _overlap(smooth[i], smooth[members[0]]) > SHARES)):
+    # First what is surely periodic; a trajectory that is still on its way belongs there too.
+    for i in sorted(range(len(orbits)), key=lambda i: orbits[i] is None):
+        orbit = orbits[i]
+        if i in resting:
+            continue
+        for members, first in groups:
+            if (_overlap(smooth[i], smooth[members[0]]) > SHARES if orbit is None
+                    else first is not None and same_orbit(orbit, first, SAME)):
                 members.append(i)
                 break
         else:
-            groups.append((kind, [i], orbit))
-    groups.sort(key=lambda group: -len(group[1]))
+            groups.append(([i], orbit))
+    if resting:
+        groups.append((resting, None))
+    groups.sort(key=lambda group: -len(group[0]))
     found = []
-    for kind, members, orbit in groups:
+    for members, orbit in groups:
         mean, error = _exponent(ensemble.growth[members])
         time = float(np.mean(ensemble.flight_time[members]))
+        kind = Kind.CHAOTIC if mean > 4.0 * error else Kind.UNRESOLVED
         if orbit is not None:
             # Exact, and free of what is left of the transient.
-            mean, error = exponents(orbit)[0], 0.0
+            kind, mean, error = Kind.ORBIT, exponents(orbit)[0], 0.0
             time = TWO_PI * orbit.period_drive / orbit.period_impacts
-        elif kind is Kind.REST:
-            mean, error, time = -math.inf, math.nan, math.nan
+        elif members is resting:
+            kind, mean, error, time = Kind.REST, -math.inf, math.nan, math.nan
         found.append(Settled(
             kind, np.array(members), ensemble.counts[members].sum(axis=0, dtype=np.float64),
             orbit, mean, error, time))

@@ -1,0 +1,190 @@
+"""Pictures of orbit diagrams."""
+
+import math
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+import numpy as np
+import numpy.typing as npt
+
+from .figures_style import add_axes, equalise, FloatArray, GREY, hue, HUES, new_figure, shade
+from .store import Store
+
+# Margins of a picture [pixels].
+LEFT, RIGHT, BOTTOM, TOP, GAP = 90, 30, 66, 64, 16
+# Columns and bins are drawn at least so many pixels wide in all.
+WIDTH, HEIGHT, EXPONENT_HEIGHT = 780, 450, 190
+# All rasters together are at most about so high [pixels].
+TALLEST: Final = 1100
+# A line one bin thick is widened by its neighbours at this strength.
+HALO: Final = 0.45
+# A legend has room for so many attractors.
+LEGEND_MOST: Final = 6
+# An attractor in fewer columns than this share is not in the legend.
+RARE: Final = 0.02
+
+
+def draw_diagram(store: Store, *, sweep: str | None = None, title: str = '',
+                 exponent: bool = True, raster: bool = True) -> Figure:
+    """
+    Draw an orbit diagram.
+
+    Parameters
+    ----------
+    store : Store
+        Made by `orbit_diagram`.
+    sweep : str, optional
+        Which; all of them below each other by default.
+    title : str
+        Above it; says what was computed by default.
+    exponent : bool
+        Whether the largest exponent is drawn below.
+    raster : bool
+        Whether the velocities are drawn.
+
+    Returns
+    -------
+    Figure
+        One pixel or a whole number of them for each alpha and each bin.
+
+    """
+    sweeps = [str(name) for name in store.read_all('sweep')]
+    shown = [k for k, name in enumerate(sweeps) if sweep in (None, name)]
+    columns, bins = len(store.read_all('alpha')), len(store.read_all('velocity'))
+    width = columns * max(1, round(WIDTH / columns))
+    merged = max(1, round(bins * len(shown) / TALLEST))
+    height = bins // merged * max(1, round(HEIGHT * merged / bins)) if raster else 0
+    below = EXPONENT_HEIGHT if exponent and raster else HEIGHT if exponent else 0
+    total = TOP + BOTTOM + len(shown) * height + below + GAP * (len(shown) * raster + exponent - 1)
+    figure = new_figure(LEFT + width + RIGHT, total)
+    figure.text(LEFT / (LEFT + width + RIGHT), 1.0 - 14 / total, title or _title(store),
+                va='top', fontsize=13)
+    bottom = total - TOP
+    first: Axes | None = None
+    if raster:
+        for k in shown:
+            bottom -= height
+            axes = add_axes(figure, LEFT, bottom, width, height)
+            draw_raster(axes, store, k, merged)
+            if len(shown) > 1:
+                axes.text(0.01, 0.02, {
+                    'starts': 'from many starts at each alpha', 'up': 'followed upwards in alpha',
+                    'down': 'followed downwards'}[sweeps[k]], transform=axes.transAxes, color=GREY)
+            first = first or axes
+            bottom -= GAP
+            axes.tick_params(labelbottom=False)
+    if exponent:
+        axes = add_axes(figure, LEFT, bottom - below, width, below)
+        draw_exponents(axes, store, shown[0])
+        first = first or axes
+    else:
+        axes.tick_params(labelbottom=True)
+    axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
+    assert first is not None
+    _legend(first, store, shown)
+    return figure
+
+
+def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
+    """
+    Draw counts of impacts, each attractor in a hue of its own.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    store : Store
+        The diagram.
+    sweep : int
+        Number of the sweep.
+    merged : int
+        So many bins are drawn as one.
+
+    """
+    counts, numbers = store.read_all('count')[sweep], store.read_all('attractor')[sweep]
+    alphas, velocities = store.read_all('alpha'), store.read_all('velocity')
+    bins = len(velocities) // merged
+    picture = np.ones((bins, len(alphas), 3))
+    strength = np.zeros((bins, len(alphas)))
+    for number in np.unique(numbers[numbers >= 0]):
+        own = np.sum(counts * (numbers == number)[:, :, None], axis=1, dtype=np.float64)
+        own = own[:, :bins * merged].reshape(len(alphas), bins, merged).sum(axis=2)
+        share = equalise(own / np.maximum(1.0, own.sum(axis=1, keepdims=True))).T
+        halo = HALO * share
+        share[1:] = np.maximum(share[1:], halo[:-1])
+        share[:-1] = np.maximum(share[:-1], halo[1:])
+        above = share > strength
+        picture[above] = shade(hue(int(number)), share)[above]
+        strength[above] = share[above]
+    axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
+                extent=_extent(alphas, velocities))
+    axes.set_ylabel("velocity before impact, s' [1]", fontsize=12)
+
+
+def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
+    """
+    Draw the largest exponent of every attractor with its error.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    store : Store
+        The diagram.
+    sweep : int
+        Number of the sweep.
+
+    """
+    alphas, numbers = store.read_all('alpha'), store.read_all('attractor')[sweep]
+    exponents, errors = (store.read_all(name)[sweep] for name in ('exponent', 'exponent_error'))
+    axes.axhline(0.0, color='black', linewidth=0.8)
+    for number in np.unique(numbers[numbers >= 0]):
+        line, band = (_of(number, numbers, values) for values in (exponents, errors))
+        if np.count_nonzero(np.isfinite(line)) < RARE * len(alphas):
+            axes.plot(alphas, line, '.', color=hue(int(number)), markersize=2)
+            continue
+        axes.fill_between(alphas, line - band, line + band, color=hue(int(number)), alpha=0.3,
+                          linewidth=0)
+        axes.plot(alphas, line, color=hue(int(number)), linewidth=0.9)
+    half = 0.5 * (alphas[1] - alphas[0])
+    axes.set_xlim(alphas[0] - half, alphas[-1] + half)
+    axes.set_ylabel('largest exponent\nper impact [1]', fontsize=12)
+    axes.grid(color='#e4e4e4', linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _of(number: int, numbers: npt.NDArray[Any], values: FloatArray) -> FloatArray:
+    mine = numbers == number
+    line = np.full(len(numbers), math.nan)
+    rows = mine.any(axis=1)
+    line[rows] = values[rows, mine.argmax(axis=1)[rows]]
+    line[~np.isfinite(line)] = math.nan
+    return line
+
+
+def _extent(alphas: FloatArray, velocities: FloatArray) -> tuple[float, float, float, float]:
+    a, v = 0.5 * (alphas[1] - alphas[0]), 0.5 * (velocities[1] - velocities[0])
+    return alphas[0] - a, alphas[-1] + a, velocities[0] - v, velocities[-1] + v
+
+
+def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
+    numbers = store.read_all('attractor')[shown]
+    columns = numbers.shape[1]
+    names = [int(n) for n in np.unique(numbers[numbers >= 0])
+             if np.max(np.count_nonzero((numbers == n).any(axis=2), axis=1)) >= RARE * columns]
+    if len(names) < 2:
+        return
+    handles = [Line2D([], [], marker='s', linestyle='none', color=hue(n),
+                      label=f'attractor {n + 1}') for n in names[:min(LEGEND_MOST, len(HUES))]]
+    axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
+                ncols=len(handles), fontsize=11, handletextpad=0.2, columnspacing=1.2,
+                borderaxespad=0.1)
+
+
+def _title(store: Store) -> str:
+    a = store.attributes
+    return (f'Orbit diagram: {a["trajectories"]} trajectories, {a["impacts_counted"]:,} impacts '
+            f'after {a["impacts_skipped"]:,}; beta {a["beta"]:g}, gamma {a["gamma"]:g}, '
+            f'r {a["restitution"]:g}')
