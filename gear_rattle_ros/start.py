@@ -16,6 +16,9 @@ from typing import NoReturn
 
 # Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
 EXECUTABLES = {
+    'attractors': 'offline.attractors',
+    'basins': 'offline.basins',
+    'lifetimes': 'offline.lifetimes',
     'lyapunov': 'nodes.lyapunov',
     'recorder': 'nodes.recorder',
     'replay': 'nodes.replay',

@@ -20,7 +20,7 @@ from ..core.compiled import cache_directory
 from ..core.model import Parameters
 from .engine import EngineError
 from .grid import Plane
-from .store import StoreError
+from .store import Store, StoreError
 
 PACKAGE: Final = 'gear_rattle_ros'
 INTERRUPTED: Final = 130
@@ -444,6 +444,28 @@ def say_interrupted(run: Run, done: int, total: int) -> int:
     print(f'{run.name}: stopped; {done:,} of {total:,} tiles are kept in {run.output}; go on '
           f'with: {run.how_to_resume()}', file=sys.stderr)
     return INTERRUPTED
+
+
+def say_stopped(run: Run) -> int:
+    """
+    Say what Ctrl-C has left of a store.
+
+    Parameters
+    ----------
+    run : Run
+        What was running.
+
+    Returns
+    -------
+    int
+        The exit status, 130.
+
+    """
+    try:
+        store = Store(run.output)
+    except StoreError:
+        return say_interrupted(run, 0, 0)
+    return say_interrupted(run, len(store.tiles) - len(store.pending()), len(store.tiles))
 
 
 def announce_compilation(name: str, kernel: str) -> None:

@@ -1,0 +1,425 @@
+"""
+On which attractor every start of a tile settles, and since when.
+
+A consumer of the lanes: it holds every impact against a table of known attractors. A trajectory
+has settled on a periodic orbit when it is inside a neighbourhood of one of its points that is
+mapped into itself, all of it within the tolerance of the orbit; on an orbit that sticks when it
+sticks to the same wall, for then it leaves at the same phase; on a chaotic attractor when it has
+stayed in the cells of it for so many impacts.
+"""
+
+import math
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from .compiled import kernel
+from .elementary import sine_cosine, TWO_PI
+from .flight import elapsed, is_pressed
+from .lanes import advance, EMPTY, FLOATS, refill, release, RESTS
+from .lanes_step import LANES
+from .model import STICKING_SPEED
+
+# Labels that are no number of an attractor of the table.
+UNRESOLVED: Final = -1
+RESTS_UPPER: Final = -2
+RESTS_LOWER: Final = -3
+FLOATING: Final = -4
+
+# Steps between two looks at the impacts.
+STEPS: Final = 48
+# Cells of the section, along phase and along speed: those that list points of orbits, and the
+# finer ones that make up chaotic attractors.
+CELLS: Final = 128
+BOXES: Final = 512
+
+# A point of a periodic orbit: wall (0 upper, 1 lower), phase [rad], velocity, time since the
+# point before [1], the point after, the attractor, and the quadratic form that is at most 1 in
+# the neighbourhood which the orbit attracts for certain.
+POINT: Final = np.dtype(
+    [
+        ('side', np.int64),
+        ('phase', np.float64),
+        ('velocity', np.float64),
+        ('flight_time', np.float64),
+        ('following', np.int64),
+        ('attractor', np.int64),
+        ('form', np.float64, 3),
+    ],
+    align=True,
+)
+# Points that lie near a cell, in a list: the point, the entry after this one or -1.
+ENTRY: Final = np.dtype([('point', np.int64), ('following', np.int64)], align=True)
+SETTINGS: Final = np.dtype(
+    [
+        ('tolerance', np.float64),
+        # Largest speed of the cells.
+        ('speed', np.float64),
+        # Impacts in the cells of a chaotic attractor after which a trajectory has settled.
+        ('stay', np.int64),
+        # Attractor that sticks to the upper, to the lower wall; EMPTY for none.
+        ('sticks', np.int64, 2),
+    ],
+    align=True,
+)
+# What is known of the trajectory in a lane.
+WATCH: Final = np.dtype(
+    [
+        ('impacts', np.int64),
+        ('cycle', np.int64),
+        ('phase', np.float64),
+        # The point that comes next and since when; EMPTY away from all of them.
+        ('point', np.int64),
+        ('since', np.int64),
+        # The chaotic attractor in whose cells it is, since when; EMPTY outside.
+        ('box', np.int64),
+        ('box_since', np.int64),
+    ],
+    align=True,
+)
+# What became of a start: attractor or one of the labels above, lifetime [impacts], impacts
+# followed, and for a start that is unresolved the state just after the last of them.
+RESULT: Final = np.dtype(
+    [
+        ('label', np.int64),
+        ('lifetime', np.int64),
+        ('impacts', np.int64),
+        ('phase', np.float64),
+        ('displacement', np.float64),
+        ('velocity', np.float64),
+    ],
+    align=True,
+)
+
+RecordArray: TypeAlias = npt.NDArray[np.void]
+
+
+class Table(NamedTuple):
+    """
+    Known attractors, ready to be recognised.
+
+    Attributes
+    ----------
+    settings : ndarray of SETTINGS, shape (1,)
+        Tolerances.
+    points : ndarray of POINT, shape (n,)
+        All points of all periodic orbits.
+    heads : ndarray of int, shape (2 * CELLS * CELLS,)
+        First entry of every cell, EMPTY for none.
+    entries : ndarray of ENTRY, shape (m,)
+        Lists of points.
+    boxes : ndarray of int, shape (2 * BOXES * BOXES,) or (0,)
+        Chaotic attractor of every box, EMPTY for none.
+
+    """
+
+    settings: RecordArray
+    points: RecordArray
+    heads: npt.NDArray[np.int16]
+    entries: RecordArray
+    boxes: npt.NDArray[np.int8]
+
+
+@kernel
+def cell_of(side, phase, speed, greatest, cells):  # type: ignore[no-untyped-def]
+    """
+    Find the cell of a point of the section.
+
+    Parameters
+    ----------
+    side : int
+        0 at the upper wall, 1 at the lower.
+    phase, speed, greatest : float
+        Phase in [0, 2 pi) [rad], speed and the greatest speed of the cells [1].
+    cells : int
+        Number along an edge.
+
+    Returns
+    -------
+    int
+        Its number, or -1 beyond the greatest speed.
+
+    """
+    row = int(speed * (cells / greatest))
+    if not 0 <= row < cells:
+        return -1
+    column = min(int(phase * (cells / TWO_PI)), cells - 1)
+    return (side * cells + row) * cells + column
+
+
+@kernel
+def is_near(point, side, phase, velocity, flight_time, tolerance):  # type: ignore[no-untyped-def]
+    """
+    Tell whether an impact is within the tolerance of a point of an orbit.
+
+    Parameters
+    ----------
+    point : POINT record
+        The point.
+    side : int
+        The wall, 0 or 1.
+    phase, velocity, flight_time : float
+        The impact [rad, 1, 1]; a flight time of nan is not compared.
+    tolerance : float
+        Largest difference [1].
+
+    Returns
+    -------
+    bool
+        Whether it is.
+
+    """
+    if point.side != side or abs(velocity - point.velocity) > tolerance:
+        return False
+    turn = abs(phase - point.phase)
+    return (min(turn, TWO_PI - turn) <= tolerance
+            and not abs(flight_time - point.flight_time) > tolerance)
+
+
+@kernel
+def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
+    """
+    Tell whether an impact is in the neighbourhood that is mapped into itself.
+
+    Parameters
+    ----------
+    point : POINT record
+        The point; its wall is that of the impact.
+    phase, velocity : float
+        The impact [rad, 1].
+
+    Returns
+    -------
+    bool
+        Whether it is.
+
+    """
+    turn = phase - point.phase
+    if turn > math.pi:
+        turn -= TWO_PI
+    elif turn < -math.pi:
+        turn += TWO_PI
+    faster = velocity - point.velocity
+    form = point.form
+    return turn * (form[0] * turn + 2.0 * form[1] * faster) + form[2] * faster * faster <= 1.0
+
+
+@kernel
+def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
+    """
+    Hold one impact against the table.
+
+    Parameters
+    ----------
+    w : WATCH record
+        Changed in place.
+    impact : IMPACT record
+        The impact.
+    start : START record
+        Of the trajectory, for its parameters.
+    table : Table
+        The attractors.
+
+    Returns
+    -------
+    tuple of int
+        The label and the lifetime; EMPTY and 0 while it has not settled.
+
+    """
+    settings = table.settings[0]
+    tolerance = settings.tolerance
+    phase = impact.phase
+    velocity = impact.velocity
+    side = 1 if math.copysign(1.0, velocity) < 0.0 else 0
+    first = w.impacts == 0
+    flight_time = math.nan if first else elapsed(impact.cycle - w.cycle, w.phase, phase)
+    w.impacts += 1
+    w.cycle = impact.cycle
+    w.phase = phase
+    n = w.impacts
+    expected = w.point
+    w.point = EMPTY
+    if expected != EMPTY:
+        point = table.points[expected]
+        if is_near(point, side, phase, velocity, flight_time, tolerance):
+            if is_caught(point, phase, velocity):
+                return point.attractor, w.since
+            w.point = point.following
+    cell = cell_of(side, phase, abs(velocity), settings.speed, CELLS)
+    if cell >= 0:
+        nearest = math.inf
+        entry = table.heads[cell]
+        while entry != EMPTY:
+            number = table.entries[entry].point
+            entry = table.entries[entry].following
+            point = table.points[number]
+            if number == expected or not is_near(
+                    point, side, phase, velocity, flight_time, tolerance):
+                continue
+            if is_caught(point, phase, velocity):
+                # Out of step on the same orbit, it has still been near it.
+                same = w.point != EMPTY and table.points[w.point].attractor == point.attractor
+                return point.attractor, w.since if same else n
+            if w.point == EMPTY or nearest < math.inf:
+                distance = max(abs(velocity - point.velocity), abs(phase - point.phase))
+                if distance < nearest:
+                    nearest = distance
+                    w.point = point.following
+                    w.since = n
+    if settings.sticks[side] != EMPTY and abs(start.restitution * velocity) < STICKING_SPEED:
+        sine, cosine = sine_cosine(phase)
+        if is_pressed(1.0 - 2.0 * side, sine, cosine, start.alpha, start.beta, start.gamma):
+            return settings.sticks[side], n
+    if len(table.boxes) > 0:
+        box = cell_of(side, phase, abs(velocity), settings.speed, BOXES)
+        inside = table.boxes[box] if box >= 0 else EMPTY
+        if inside != w.box:
+            w.box = inside
+            w.box_since = n
+        if inside != EMPTY and n - w.box_since + 1 >= settings.stay:
+            return np.int64(inside), w.box_since
+    return EMPTY, 0
+
+
+@kernel
+def finish(tile, i, result, label, lifetime, impacts):  # type: ignore[no-untyped-def]
+    """
+    Write what became of the start in a lane, and free the lane.
+
+    Parameters
+    ----------
+    tile : TILE record
+        Changed in place.
+    i : int
+        The lane.
+    result : RESULT record
+        Changed in place.
+    label, lifetime, impacts : int
+        What became of it.
+
+    """
+    result.label = label
+    result.lifetime = lifetime
+    result.impacts = impacts
+    result.phase = tile.phase[i]
+    result.displacement = tile.displacement[i]
+    result.velocity = tile.velocity[i]
+    release(tile, i)
+
+
+@kernel
+def classify(tile, impacts, watches, starts, cap, table, results):  # type: ignore[no-untyped-def]
+    """
+    Follow starts until they settle.
+
+    Parameters
+    ----------
+    tile : TILE record
+        With every lane free.
+    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
+        Room to work in.
+    watches : ndarray of WATCH, shape (LANES,)
+        Room to work in.
+    starts : ndarray of START, shape (n,)
+        The starts.
+    cap : int
+        Impacts after which a start is given up.
+    table : Table
+        The attractors.
+    results : ndarray of RESULT, shape (n,)
+        Receives what became of them.
+
+    Returns
+    -------
+    int
+        Impacts made.
+
+    """
+    following = 0
+    total = 0
+    while True:
+        before = following
+        following = refill(tile, starts, following, float(cap))
+        busy = 0
+        for i in range(LANES):
+            if tile.start[i] == EMPTY:
+                continue
+            busy += 1
+            if tile.start[i] >= before:
+                w = watches[i]
+                w.impacts = 0
+                w.point = EMPTY
+                w.box = EMPTY
+        if busy == 0:
+            return total
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            number = tile.start[i]
+            if number == EMPTY:
+                continue
+            w = watches[i]
+            start = starts[number]
+            label = EMPTY
+            lifetime = 0
+            for k in range(tile.count[i]):
+                label, lifetime = watch(w, impacts[i, k], start, table)
+                if label != EMPTY:
+                    break
+            total += tile.count[i]
+            n = w.impacts
+            if label != EMPTY:
+                finish(tile, i, results[number], label, lifetime, n)
+            elif tile.end[i] == RESTS:
+                wall = RESTS_UPPER if tile.displacement[i] == 0.0 else RESTS_LOWER
+                finish(tile, i, results[number], wall, n, n)
+            elif tile.end[i] == FLOATS:
+                finish(tile, i, results[number], FLOATING, n, n)
+            elif tile.left[i] <= 0.0:
+                finish(tile, i, results[number], UNRESOLVED, n, n)
+
+
+@kernel
+def record(tile, impacts, starts, skip, rows, counts):  # type: ignore[no-untyped-def]
+    """
+    Follow starts for a number of impacts and keep the last of them.
+
+    Parameters
+    ----------
+    tile : TILE record
+        With every lane free.
+    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
+        Room to work in.
+    starts : ndarray of START, shape (n,)
+        The starts.
+    skip : int
+        Impacts that are not kept.
+    rows : ndarray of IMPACT, shape (n, m)
+        Receives the m impacts after those.
+    counts : ndarray of int, shape (n,)
+        Receives how many there are: fewer than m where the trajectory ends.
+
+    """
+    most = float(skip + rows.shape[1])
+    following = 0
+    while True:
+        following = refill(tile, starts, following, most)
+        busy = 0
+        for i in range(LANES):
+            busy += tile.start[i] != EMPTY
+        if busy == 0:
+            return
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            number = tile.start[i]
+            if number == EMPTY:
+                continue
+            # `left` has counted these already; a lane that has ended has none left.
+            for k in range(tile.count[i]):
+                place = counts[number] - skip
+                if 0 <= place < rows.shape[1]:
+                    rows[number, place] = impacts[i, k]
+                counts[number] += 1
+            if tile.left[i] <= 0.0:
+                counts[number] = max(0, counts[number] - skip)
+                release(tile, i)

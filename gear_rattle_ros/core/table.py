@@ -1,0 +1,112 @@
+"""The table of known attractors, ready to be recognised by `classify`."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .classify import CELLS, ENTRY, POINT, SETTINGS, Table
+from .elementary import TWO_PI
+from .lanes import EMPTY
+from .periodic import Orbit
+
+# Cells reach so much beyond the fastest point.
+ROOM: Final = 1.05
+
+
+def make_table(orbits: Sequence[Orbit], tolerance: float, *,
+               numbers: Sequence[int] | None = None, boxes: npt.ArrayLike = (),
+               box_speed: float = 0.0, stay: int = 0) -> Table:
+    """
+    Make the table of some attractors.
+
+    Parameters
+    ----------
+    orbits : sequence of Orbit
+        Periodic ones.
+    tolerance : float
+        Largest distance of a trajectory that is on its orbit [1].
+    numbers : sequence of int, optional
+        Their labels; 0, 1, ... by default.
+    boxes : array_like of int
+        Number of the chaotic attractor of each box, EMPTY for none; none at all by default.
+    box_speed : float
+        Greatest speed of the boxes [1].
+    stay : int
+        Impacts in the boxes after which a trajectory has settled.
+
+    Returns
+    -------
+    Table
+        For `classify`.
+
+    Raises
+    ------
+    ValueError
+        If there are too many points.
+
+    """
+    settings = np.zeros(1, SETTINGS)
+    fastest = max((float(np.max(np.abs(orbit.velocities))) for orbit in orbits), default=0.0)
+    speed = box_speed or ROOM * fastest + 2.0 * tolerance
+    settings['tolerance'] = tolerance
+    settings['speed'] = speed
+    settings['stay'] = stay
+    settings['sticks'] = EMPTY
+    points = np.zeros(sum(len(orbit.sides) for orbit in orbits), POINT)
+    first = 0
+    for number, orbit in zip(numbers or range(len(orbits)), orbits, strict=True):
+        q = len(orbit.sides)
+        own = points[first:first + q]
+        own['side'], own['phase'], own['velocity'] = orbit.sides, orbit.phases, orbit.velocities
+        own['flight_time'], own['form'], own['attractor'] = orbit.flight_times, orbit.forms, number
+        own['following'] = first + (1 + np.arange(q)) % q
+        if orbit.sticks != EMPTY:
+            settings['sticks'][0, orbit.sticks] = number
+        first += q
+    heads = np.full(2 * CELLS * CELLS, EMPTY, np.int16)
+    entries: list[tuple[int, int]] = []
+    for number, point in enumerate(points):
+        for cell in _cells_near(point, tolerance, speed):
+            entries.append((number, int(heads[cell])))
+            heads[cell] = len(entries) - 1
+    if len(entries) > np.iinfo(heads.dtype).max:
+        raise ValueError(f'{len(points)} points of orbits are more than a table holds')
+    listed = np.zeros(max(1, len(entries)), ENTRY)
+    if entries:
+        listed['point'], listed['following'] = np.array(entries).T
+    return Table(settings, points if len(points) else np.zeros(1, POINT), heads, listed,
+                 np.ascontiguousarray(boxes, np.int8).ravel())
+
+
+def _cells_near(point: np.void, tolerance: float, speed: float) -> list[int]:
+    low, high = (int((abs(point['velocity']) + sign * tolerance) * CELLS / speed // 1)
+                 for sign in (-1.0, 1.0))
+    left, right = (int((point['phase'] + sign * tolerance) * CELLS / TWO_PI // 1)
+                   for sign in (-1.0, 1.0))
+    return [(int(point['side']) * CELLS + row) * CELLS + column % CELLS
+            for row in range(max(low, 0), min(high, CELLS - 1) + 1)
+            for column in range(left, right + 1)]
+
+
+def dilated(boxes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """
+    Add to occupied boxes all their neighbours; phase is a circle.
+
+    Parameters
+    ----------
+    boxes : ndarray of bool, shape (2, BOXES, BOXES)
+        Wall, speed, phase.
+
+    Returns
+    -------
+    ndarray of bool
+        As many or more.
+
+    """
+    wide = boxes | np.roll(boxes, 1, axis=2) | np.roll(boxes, -1, axis=2)
+    tall = wide.copy()
+    tall[:, 1:] |= wide[:, :-1]
+    tall[:, :-1] |= wide[:, 1:]
+    return tall

@@ -1,0 +1,297 @@
+"""The tool `lifetimes`: how long transients last before an orbit or rest ends them."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ..core.classify import UNRESOLVED
+from ..core.model import Parameters
+from . import cli
+from .attractors import Attractor
+from .basins import add_settings, compute_basins, Settings, settings_of
+from .grid import Plane
+from .search import Catalogue
+from .store import Store
+
+NAME: Final = 'lifetimes'
+# As in the paper.
+CAP: Final = 5_000
+TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
+# Random starts of the search for orbits: all transients end in some.
+STARTS: Final = 256
+HOLD: Final = 20_000
+# The exponential tail begins at this share of the cap, where no other place is given.
+TAIL: Final = 0.1
+# Bins of the distribution, even in the logarithm.
+BINS: Final = 200
+
+
+@dataclasses.dataclass(frozen=True)
+class Escape:
+    """
+    Escape times of many starts, censored at a cap.
+
+    Attributes
+    ----------
+    cap : int
+        Impacts after which a start was given up.
+    starts, censored : int
+        Starts, and those that were given up.
+    begin : int
+        Lifetime from which on the tail is taken to be exponential [impacts].
+    in_tail, escapes : int
+        Starts that live longer than `begin`, and those of them that were seen to escape.
+    rate, rate_error : float
+        Escapes per impact in the tail, by maximum likelihood, and its standard error.
+    mean, mean_error : float
+        Mean lifetime [impacts] and its standard error: as observed up to `begin`, by the
+        exponential tail from there on; inf where nothing escapes.
+
+    """
+
+    cap: int
+    starts: int
+    censored: int
+    begin: int
+    in_tail: int
+    escapes: int
+    rate: float
+    rate_error: float
+    mean: float
+    mean_error: float
+
+    def describe(self) -> str:
+        """
+        Put it in words.
+
+        Returns
+        -------
+        str
+            A few lines.
+
+        """
+        lines = [
+            f'{self.censored:,} of {self.starts:,} starts ({self.censored / self.starts:.2%}) '
+            f'live {self.cap:,} impacts or longer',
+            f'tail from {self.begin:,} impacts: {self.escapes:,} escapes, rate '
+            f'{self.rate:.4e} +- {self.rate_error:.1e} per impact',
+            f'mean lifetime: {self.mean:,.1f} +- {self.mean_error:,.1f} impacts']
+        return '\n'.join(lines)
+
+
+def estimate_escape(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_], cap: int,
+                    begin: int) -> Escape:
+    """
+    Estimate the mean lifetime of censored transients.
+
+    Past `begin` lifetimes are taken to be geometric, the discrete form of an exponential: of the
+    impacts that are made there, each is the last with the same probability. The likelihood then
+    has its maximum at escapes by impacts, whatever the censoring.
+
+    Parameters
+    ----------
+    lifetimes : ndarray of int, shape (n,)
+        Impacts; the cap where censored.
+    censored : ndarray of bool, shape (n,)
+        Starts that were given up.
+    cap : int
+        Impacts after which they were.
+    begin : int
+        Where the tail begins [impacts], less than the cap.
+
+    Returns
+    -------
+    Escape
+        The estimate.
+
+    Raises
+    ------
+    ValueError
+        If there are no starts or the tail does not begin below the cap.
+
+    """
+    n = len(lifetimes)
+    if not n or not 0 <= begin < cap:
+        raise ValueError(f'tail = {begin} does not lie below the cap of {cap} impacts')
+    late = lifetimes > begin
+    in_tail = int(np.sum(late))
+    escapes = int(np.sum(late & ~censored))
+    exposure = float(np.sum(lifetimes[late] - begin))
+    rate = escapes / exposure if exposure else math.nan
+    error = rate * math.sqrt((1.0 - rate) / escapes) if escapes else math.nan
+    body = np.minimum(lifetimes, begin).astype(np.float64)
+    if in_tail == 0:
+        mean, mean_error = float(np.mean(body)), float(np.std(body)) / math.sqrt(n)
+    elif escapes == 0:
+        mean, mean_error = math.inf, math.inf
+    else:
+        # A start counts its body and, if it gets there, a mean tail; the rate has its own error.
+        each = body + late / rate
+        share = in_tail / n
+        mean = float(np.mean(each))
+        mean_error = math.hypot(float(np.std(each)) / math.sqrt(n), share * error / rate**2)
+    return Escape(cap, n, int(np.sum(censored)), begin, in_tail, escapes, rate, error, mean,
+                  mean_error)
+
+
+def distribution(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_], cap: int
+                 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64],
+                            npt.NDArray[np.float64]]:
+    """
+    Count escapes in bins that are even in the logarithm.
+
+    Parameters
+    ----------
+    lifetimes : ndarray of int, shape (n,)
+        Impacts; the cap where censored.
+    censored : ndarray of bool, shape (n,)
+        Starts that were given up.
+    cap : int
+        Impacts after which they were.
+
+    Returns
+    -------
+    tuple of ndarray
+        Edges of the bins [impacts], shape (b + 1,); escapes in (edge, next edge], shape (b,);
+        share of the starts whose lifetime is longer than each edge, shape (b + 1,).
+
+    """
+    edges = np.unique(np.round(np.geomspace(1, max(cap, 2), BINS)))
+    edges = np.concatenate([[0.0], edges])
+    escaped = np.sort(lifetimes[~censored])
+    below = np.searchsorted(escaped, edges, side='right')
+    below[0] = 0
+    counts = np.diff(below)
+    return edges, counts, 1.0 - below / max(len(lifetimes), 1)
+
+
+def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings,
+                      begin: int | None = None) -> tuple[Store, Catalogue,
+                                                         tuple[Attractor, ...], Escape]:
+    """
+    Compute a grid of lifetimes and what follows from it into a store.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of the model.
+    plane : Plane
+        The cells.
+    run : Run
+        How and where.
+    settings : Settings
+        What else decides.
+    begin : int, optional
+        Where the exponential tail begins [impacts]; a tenth of the cap by default.
+
+    Returns
+    -------
+    tuple
+        The store, the catalogue of the search, all attractors, and the estimate.
+
+    """
+    begin = int(TAIL * settings.cap) if begin is None else begin
+    if not 0 <= begin < settings.cap:
+        raise ValueError(f'--tail {begin} does not lie below the cap of {settings.cap} impacts')
+    store, catalogue, attractors = compute_basins(parameters, plane, run, settings, TITLE)
+    lifetimes, censored = lifetimes_in(store)
+    escape = estimate_escape(lifetimes, censored, settings.cap, begin)
+    edges, counts, survival = distribution(lifetimes, censored, settings.cap)
+    store.write_table({
+        'edge': (('edge',), edges, {'long_name': 'edge of a bin', 'units': 'impacts'}),
+        'escapes': (('bin',), counts, {
+            'long_name': 'escapes after edge and up to the next', 'units': '1'}),
+        'survival': (('edge',), survival, {
+            'long_name': 'share of the starts with a longer lifetime', 'units': '1'}),
+    })
+    store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
+                          for name, value in dataclasses.asdict(escape).items()})
+    return store, catalogue, attractors, escape
+
+
+def lifetimes_in(store: Store) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """
+    Read all lifetimes of a grid.
+
+    Parameters
+    ----------
+    store : Store
+        A finished grid.
+
+    Returns
+    -------
+    tuple of ndarray
+        Lifetimes [impacts] and whether they are censored, in the order of the tiles.
+
+    """
+    pieces = [(store.read(tile, 'lifetime').ravel(), store.read(tile, 'label').ravel())
+              for tile in range(len(store.tiles))]
+    return (np.concatenate([lifetime for lifetime, _ in pieces]).astype(np.int64),
+            np.concatenate([label == UNRESOLVED for _, label in pieces]))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Run the command `lifetimes`.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
+
+    """
+    parser = cli.Parser(NAME, description='Find how long every start of a grid is transient. '
+                        'Chaos counts as transient: only an orbit or rest ends it.')
+    cli.add_model(parser, alpha=1.244)
+    cli.add_plane(parser)
+    add_settings(parser, CAP)
+    parser.set_defaults(starts=STARTS, hold=HOLD)
+    parser.add_argument('--tail', type=cli.whole(0), metavar='N',
+                        help='impacts from which lifetimes are exponential; a tenth of the cap by '
+                             'default')
+    parser.add_argument('--grey', action='store_true',
+                        help="draw the paper's linear grey scale")
+    cli.add_run(parser)
+    given = parser.parse_args(arguments)
+
+    def action() -> int:
+        parameters, plane = cli.model_of(given), cli.plane_of(given)
+        run = cli.run_of(parser, given, arguments, f'lifetimes-{parameters.alpha:g}.zarr')
+        settings = settings_of(given, chaotic=False)
+        try:
+            store, catalogue, attractors, escape = compute_lifetimes(
+                parameters, plane, run, settings, given.tail)
+        except KeyboardInterrupt:
+            return cli.say_stopped(run)
+        for each in attractors:
+            print(each.describe())
+        print(escape.describe())
+        if run.picture is not None:
+            _draw(store, catalogue, plane, escape, run, given.grey)
+        print(run.output)
+        return 0
+
+    return cli.attempt(NAME, action)
+
+
+def _draw(store: Store, catalogue: Catalogue, plane: Plane, escape: Escape, run: cli.Run,
+          grey: bool) -> None:
+    from .pictures import draw_lifetimes, draw_survival, in_words, save, thinned
+    assert run.picture is not None
+    step = (slice(None, None, thinned(plane.velocities)),
+            slice(None, None, thinned(plane.phases)))
+    save(draw_lifetimes(
+        store.read_all('lifetime')[step].astype(np.int64),
+        store.read_all('label')[step] == UNRESOLVED, plane, escape.cap,
+        f'Lifetimes, {in_words(catalogue)}, s = {plane.displacement:g}', grey=grey), run.picture)
+    beside = run.picture.with_name(f'{run.picture.stem}-survival{run.picture.suffix}')
+    save(draw_survival(store.read_all('edge'), store.read_all('survival'), escape.begin,
+                       escape.rate, f'Survival, {in_words(catalogue)}'), beside)

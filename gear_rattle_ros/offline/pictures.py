@@ -1,0 +1,270 @@
+"""Pictures of grids: basins by attractor, lifetimes on a logarithmic scale, sections."""
+
+import math
+from pathlib import Path
+from typing import Any, Final
+
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
+import numpy as np
+import numpy.typing as npt
+
+from ..core.classify import UNRESOLVED
+from .attractors import Attractor
+from .grid import Plane
+from .search import Catalogue
+
+DPI: Final = 120
+# No picture has more cells than this along an edge: the rest is not seen anyway.
+EDGE: Final = 2000
+UNKNOWN: Final = '#e0e0e0'
+CENSORED: Final = '#7fd1ff'
+
+
+def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[Attractor, ...],
+                title: str) -> Figure:
+    """
+    Draw which start goes where.
+
+    Parameters
+    ----------
+    labels : ndarray of int, shape (velocities, phases)
+        Label of every start.
+    plane : Plane
+        The window.
+    attractors : tuple of Attractor
+        What the labels mean.
+    title : str
+        Title.
+
+    Returns
+    -------
+    Figure
+        The picture.
+
+    """
+    figure, axes = _new(title)
+    shown = [each for each in attractors if np.any(labels == each.label)]
+    colours = [UNKNOWN, *_colours(len(shown))]
+    numbers = np.zeros(labels.shape, np.int64)
+    for number, each in enumerate(shown, 1):
+        numbers[labels == each.label] = number
+    axes.imshow(numbers, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
+                **_placed(plane))
+    patches = [Patch(color=colour, label=f'{each.key}  {_share(labels == each.label)}')
+               for colour, each in zip(colours[1:], shown, strict=True)]
+    if np.any(labels == UNRESOLVED):
+        patches.append(Patch(color=UNKNOWN, label=f'unresolved  {_share(labels == UNRESOLVED)}'))
+    figure.legend(handles=patches[:16], loc='outside lower center', ncols=2, frameon=False)
+    _label(axes, plane)
+    return figure
+
+
+def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_],
+                   plane: Plane, cap: int, title: str, *, grey: bool = False) -> Figure:
+    """
+    Draw how long every start takes to settle.
+
+    Parameters
+    ----------
+    lifetimes : ndarray of int, shape (velocities, phases)
+        Impacts.
+    censored : ndarray of bool
+        Starts that were given up.
+    plane : Plane
+        The window.
+    cap : int
+        Impacts after which they were.
+    title : str
+        Title.
+    grey : bool
+        Draw it as the paper does: linear, white short, black long.
+
+    Returns
+    -------
+    Figure
+        The picture.
+
+    """
+    figure, axes = _new(title)
+    norm = Normalize(0, cap) if grey else LogNorm(1, max(cap, 2))
+    shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not grey))
+    colours = colormaps['gray_r' if grey else 'inferno'].copy()
+    colours.set_bad(CENSORED)
+    drawn = axes.imshow(shown, cmap=colours, norm=norm, **_placed(plane))
+    bar = figure.colorbar(drawn, ax=axes, shrink=0.9)
+    bar.set_label('lifetime of the transient [impacts]')
+    if np.any(censored):
+        words = f'{cap:,} impacts or more  {_share(censored)}'
+        figure.legend(handles=[Patch(color='black' if grey else CENSORED, label=words)],
+                      loc='outside lower center', frameon=False)
+    _label(axes, plane)
+    return figure
+
+
+def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Figure:
+    """
+    Draw the attractors on the section.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        What was found.
+    attractors : tuple of Attractor
+        The same in words.
+
+    Returns
+    -------
+    Figure
+        The picture.
+
+    """
+    figure, axes = _new(f'Attractors on the section, {in_words(catalogue)}')
+    for colour, each in zip(_colours(len(attractors)), attractors, strict=True):
+        label = f'{each.key}  {100.0 * each.share:.1f} %'
+        if each.kind == 'chaotic':
+            boxes = catalogue.chaotic[each.label - len(catalogue.orbits)].boxes
+            side, row, column = np.nonzero(boxes)
+            edge = boxes.shape[1]
+            velocity = (row + 0.5) * catalogue.box_speed / edge * (1.0 - 2.0 * side)
+            axes.scatter((column + 0.5) * 2.0 * math.pi / edge, velocity, s=1.0, color=colour,
+                         linewidths=0, label=label)
+        elif len(each.points):
+            axes.scatter(each.points[:, 1], each.points[:, 2], s=40, color=colour, label=label)
+    axes.axhline(0.0, color='#808080', linewidth=0.6)
+    axes.set_xlim(0.0, 2.0 * math.pi)
+    figure.legend(loc='outside lower center', ncols=2, frameon=False, markerscale=1.5)
+    _label(axes, None)
+    axes.set_ylabel("velocity before the impact s' [1]; upper wall above 0, lower below")
+    return figure
+
+
+def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float64],
+                  begin: float, rate: float, title: str) -> Figure:
+    """
+    Draw how many starts are still in their transient.
+
+    Parameters
+    ----------
+    times, survival : ndarray of float
+        Impacts, and the share of starts with a longer lifetime.
+    begin, rate : float
+        The exponential tail: from where, and escapes per impact.
+    title : str
+        Title.
+
+    Returns
+    -------
+    Figure
+        The picture.
+
+    """
+    figure, axes = _new(title)
+    axes.step(times, survival, where='post', color='#2b6fb8', label='share still transient')
+    if rate > 0.0 and np.isfinite(rate):
+        tail = times[times >= begin]
+        at_begin = float(np.interp(begin, times, survival))
+        axes.plot(tail, at_begin * np.exp(-rate * (tail - begin)), color='#d9781e',
+                  linestyle='--', label=f'exponential tail, 1/rate = {1.0 / rate:,.0f} impacts')
+    axes.set(xlabel='impacts', ylabel='share of the starts', yscale='log')
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    axes.legend(frameon=False)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """
+    Write a picture.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    path : Path
+        Where to.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    ValueError
+        If the ending is of no known format.
+
+    """
+    figure.savefig(path, dpi=DPI)
+
+
+def in_words(catalogue: Catalogue) -> str:
+    """
+    Name the parameters.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        What was found.
+
+    Returns
+    -------
+    str
+        Part of a title.
+
+    """
+    model = catalogue.parameters
+    return (f'alpha {model.alpha:g}, beta {model.beta:g}, gamma {model.gamma:g}, '
+            f'r {model.restitution:g}')
+
+
+def thinned(size: int) -> int:
+    """
+    Tell which cells of an edge are drawn.
+
+    Parameters
+    ----------
+    size : int
+        Cells along the edge.
+
+    Returns
+    -------
+    int
+        Every so many.
+
+    """
+    return -(-size // EDGE)
+
+
+def _new(title: str) -> tuple[Figure, Axes]:
+    figure = Figure((9.0, 8.0), dpi=DPI, layout='constrained')
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=12)
+    return figure, figure.subplots()
+
+
+def _placed(plane: Plane) -> dict[str, Any]:
+    return {'origin': 'lower', 'aspect': 'auto', 'interpolation': 'nearest',
+            'extent': (*plane.phase, *plane.velocity)}
+
+
+def _label(axes: Axes, plane: Plane | None) -> None:
+    axes.set(xlabel='drive phase [π rad]', ylabel='velocity [1]')
+    width = 2.0 * math.pi if plane is None else plane.phase[1] - plane.phase[0]
+    if width > math.pi:
+        axes.xaxis.set_major_locator(MultipleLocator(math.pi / 4.0))
+    elif plane is not None:
+        ticks = MaxNLocator(6).tick_values(plane.phase[0] / math.pi, plane.phase[1] / math.pi)
+        axes.set_xticks([tick * math.pi for tick in ticks])
+        axes.set_xlim(*plane.phase)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value / math.pi:.7g}'))
+
+
+def _share(chosen: npt.NDArray[np.bool_]) -> str:
+    return f'{100.0 * float(np.mean(chosen)):.2f} %'
+
+
+def _colours(count: int) -> list[Any]:
+    # Ends of the map are near black and yellow on white.
+    return [colormaps['viridis'](0.05 + 0.87 * n / max(count - 1, 1)) for n in range(count)]
