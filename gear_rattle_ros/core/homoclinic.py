@@ -206,6 +206,12 @@ def returns(  # type: ignore[no-untyped-def]
                     distances[i] = crossed[c]
                     numbers[i] = entered[c]
                 entered[c] = -1
+        # What is still near lies so close to the stable manifold that it stays for long.
+        for c in range(period):
+            if entered[c] >= 0 and impacts - entered[c] > (TURNS + 1) * period:
+                if crossed[c] > distances[i]:
+                    distances[i] = crossed[c]
+                    numbers[i] = entered[c]
 
 
 def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candidates: int = 12,

@@ -13,7 +13,7 @@ from .figures_style import add_axes, equalise, FloatArray, GREY, hue, HUES, new_
 from .store import Store
 
 # Margins of a picture [pixels].
-LEFT, RIGHT, BOTTOM, TOP, GAP = 90, 30, 66, 64, 16
+LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
 # Columns and bins are drawn at least so many pixels wide in all.
 WIDTH, HEIGHT, EXPONENT_HEIGHT = 780, 450, 190
 # All rasters together are at most about so high [pixels].
@@ -111,7 +111,10 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
     for number in np.unique(numbers[numbers >= 0]):
         own = np.sum(counts * (numbers == number)[:, :, None], axis=1, dtype=np.float64)
         own = own[:, :bins * merged].reshape(len(alphas), bins, merged).sum(axis=2)
-        share = equalise(own / np.maximum(1.0, own.sum(axis=1, keepdims=True))).T
+        # In steps of a tenth: what differs by rounding has one shade.
+        with np.errstate(divide='ignore'):
+            level = np.log(own / np.maximum(1.0, own.sum(axis=1, keepdims=True)))
+        share = equalise(np.exp(np.round(10.0 * level) / 10.0)).T
         halo = HALO * share
         share[1:] = np.maximum(share[1:], halo[:-1])
         share[:-1] = np.maximum(share[:-1], halo[1:])
@@ -185,6 +188,6 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
 
 def _title(store: Store) -> str:
     a = store.attributes
-    return (f'Orbit diagram: {a["trajectories"]} trajectories, {a["impacts_counted"]:,} impacts '
-            f'after {a["impacts_skipped"]:,}; beta {a["beta"]:g}, gamma {a["gamma"]:g}, '
+    return (f'{a["impacts_counted"]:,} impacts after {a["impacts_skipped"]:,} from '
+            f'{a["trajectories"]} starts; beta {a["beta"]:g}, gamma {a["gamma"]:g}, '
             f'r {a["restitution"]:g}')

@@ -1,0 +1,59 @@
+"""Pictures of crises: lifetimes against alpha, and the law."""
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+import numpy as np
+
+from .crisis import PAPER
+from .figures_style import add_axes, GREY, hue, new_figure
+from .store import Store
+
+WIDTH, HEIGHT = 900, 640
+
+
+def draw_law(store: Store) -> Figure:
+    """
+    Draw mean lifetimes against the distance from the crisis, with the law.
+
+    Parameters
+    ----------
+    store : Store
+        Made by `crisis`, with its law.
+
+    Returns
+    -------
+    Figure
+        900 x 640 pixels.
+
+    """
+    a = store.attributes
+    alphas, rates = store.read_all('alpha')[1:], store.read_all('escape_rate')[1:]
+    errors = store.read_all('escape_rate_error')[1:]
+    some = rates > 0.0
+    beyond = alphas - a['tangency_alpha']
+    figure = new_figure(WIDTH, HEIGHT)
+    axes = add_axes(figure, 110, 80, WIDTH - 150, HEIGHT - 150)
+    axes.errorbar(beyond[some], 1.0 / rates[some], yerr=(errors / rates**2)[some], fmt='o',
+                  color=hue(0), markersize=5, capsize=3, label='mean lifetime from escapes over '
+                  'impacts at risk, ± standard error')
+    x = np.geomspace(0.7 * beyond[0], 1.4 * beyond[-1], 200)
+    shifted = x + a['tangency_alpha'] - a['law_alpha_c']
+    axes.plot(x[shifted > 0], 1.0 / (a['law_scale'] * shifted[shifted > 0]**a['law_exponent']),
+              color=hue(1), label=f'law with alpha_c = {a["law_alpha_c"]:.7f} ± '
+              f'{a["law_alpha_c_error"]:.1g} and exponent {a["law_exponent"]:.2f} ± '
+              f'{a["law_exponent_error"]:.2f}, all fitted')
+    middle = np.exp(np.mean(np.log(rates[some] * beyond[some]**-a['tangency_exponent'])))
+    axes.plot(x, 1.0 / (middle * x**a['tangency_exponent']), '--', color=GREY,
+              label=f'slope {a["tangency_exponent"]:.3f} of the homoclinic tangency')
+    axes.set(xscale='log', yscale='log')
+    axes.set_xlabel(f'alpha − {a["tangency_alpha"]:.8f} [1]   (tangency of the manifolds)',
+                    fontsize=12)
+    axes.set_ylabel('mean lifetime of the transient [impacts]', fontsize=12)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    axes.grid(which='both', color='#e8e8e8', linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.legend(loc='lower left', fontsize=10, framealpha=0.95)
+    figure.text(0.12, 0.955, 'Lifetimes diverge at the boundary crisis', fontsize=13)
+    figure.text(0.12, 0.915, f'the paper prints alpha_c = {PAPER}, which lies '
+                f'{a["tangency_alpha"] - PAPER:.4f} below', fontsize=10, color=GREY)
+    return figure

@@ -1,0 +1,261 @@
+"""The alpha of a boundary crisis, where the manifolds of the saddle on the boundary touch."""
+
+from collections.abc import Callable
+import dataclasses
+from typing import Final
+
+import numpy as np
+
+from ..core.branches import Change, follow
+from ..core.closed_orbits import close_orbit, PeriodicOrbit
+from ..core.elementary import TWO_PI
+from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
+from ..core.model import Parameters
+from .ensembles import Kind, run_ensemble, settle, Window
+from .grid import Plane
+
+# An orbit is carried on in alpha in steps no longer than this.
+STEP: Final = 2e-3
+# The distance is taken to be smooth in alpha where it is below this [1].
+SMOOTH: Final = 0.2 * ACROSS / 25.0
+# How far below and above the bracket the captor is followed for its fold [1].
+BEYOND: Final = 0.3
+ROOT: Final = 1e-12
+MOST_STEPS: Final = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class Boundary:
+    """
+    An orbit that captures, and the saddle on the boundary of its basin.
+
+    Attributes
+    ----------
+    captor, saddle : PeriodicOrbit
+        At some alpha.
+    fold : float
+        Where both are born [1].
+
+    """
+
+    captor: PeriodicOrbit
+    saddle: PeriodicOrbit
+    fold: float
+
+    def at(self, alpha: float) -> 'Boundary':
+        """
+        Carry both orbits to another alpha.
+
+        Parameters
+        ----------
+        alpha : float
+            The amplitude [1].
+
+        Returns
+        -------
+        Boundary
+            There.
+
+        Raises
+        ------
+        ValueError
+            If an orbit ends on the way.
+
+        """
+        return Boundary(carry(self.captor, alpha), carry(self.saddle, alpha), self.fold)
+
+    @property
+    def directions(self) -> Saddle:
+        """The saddle with its directions."""
+        return saddle_of(self.saddle, self.captor)
+
+
+@dataclasses.dataclass(frozen=True)
+class Tangency:
+    """
+    Where the manifolds touch.
+
+    Attributes
+    ----------
+    alpha, uncertainty : float
+        The crisis, and how well it is located [1].
+    edge : Edge
+        The point that touches.
+    saddle : Saddle
+        There.
+    fold : float
+        Where the captor and the saddle are born [1].
+
+    """
+
+    alpha: float
+    uncertainty: float
+    edge: Edge
+    saddle: Saddle
+    fold: float
+
+
+def carry(orbit: PeriodicOrbit, alpha: float) -> PeriodicOrbit:
+    """
+    Follow an orbit to another alpha, without a fold between.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The orbit.
+    alpha : float
+        The amplitude [1].
+
+    Returns
+    -------
+    PeriodicOrbit
+        There.
+
+    Raises
+    ------
+    ValueError
+        If it ends on the way.
+
+    """
+    now = orbit.parameters.alpha
+    for value in np.linspace(now, alpha, max(2, 1 + round(abs(alpha - now) / STEP)))[1:]:
+        parameters = dataclasses.replace(orbit.parameters, alpha=float(value))
+        carried = close_orbit(orbit.walls, orbit.points, parameters)
+        if carried is None:
+            raise ValueError(f'the orbit of {orbit.period_impacts} impacts cannot be followed to '
+                             f'alpha = {alpha:g}; give a narrower bracket')
+        orbit = carried
+    return orbit
+
+
+def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary:
+    """
+    Find the orbit that captures trajectories beyond a crisis, and its saddle.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Beyond the crisis: all trajectories are captured in the end.
+    low : float
+        An alpha before it [1].
+    seed : int
+        Of the starts.
+
+    Returns
+    -------
+    Boundary
+        At the parameters.
+
+    Raises
+    ------
+    ValueError
+        If no trajectory settles on a periodic orbit, or it has no saddle.
+
+    """
+    starts = Plane().random_starts(parameters, 64, seed)
+    found = [one for one in settle(run_ensemble(starts, parameters, Window(skip=20_000)))
+             if one.kind is Kind.ORBIT]
+    if not found or found[0].orbit is None:
+        raise ValueError(f'alpha = {parameters.alpha:g}: no trajectory settles on a periodic '
+                         'orbit; give a bracket that ends beyond the crisis')
+    captor = found[0].orbit
+    for direction in (-1.0, 1.0):
+        branch = follow(captor, direction, low - BEYOND, parameters.alpha + BEYOND)
+        folds = [turn for turn in branch.turns if turn.change is Change.FOLD]
+        if not folds:
+            continue
+        beyond = [o for o in branch.orbits if abs(o.multipliers[0]) > 1.0
+                  and o.multipliers[0].real > 1.0]
+        if beyond:
+            nearest = min(beyond, key=lambda o: abs(o.parameters.alpha - parameters.alpha))
+            return Boundary(captor, carry(nearest, parameters.alpha), folds[0].alpha)
+    raise ValueError(f'alpha = {parameters.alpha:g}: no saddle belongs to the orbit of '
+                     f'{captor.period_impacts} impacts')
+
+
+def find_tangency(boundary: Boundary, low: float, high: float,
+                  told: Callable[[float, Edge], None] = lambda alpha, edge: None) -> Tangency:
+    """
+    Find where the unstable manifold of the saddle first crosses its stable one.
+
+    Parameters
+    ----------
+    boundary : Boundary
+        The orbits.
+    low, high : float
+        Before and beyond the crisis [1].
+    told : callable
+        Is told of every alpha that was tried.
+
+    Returns
+    -------
+    Tangency
+        By bisection, then by secants once the distance is smooth; searched again more finely at
+        the end, which gives part of the uncertainty.
+
+    Raises
+    ------
+    ValueError
+        If the bracket does not hold a crisis.
+
+    """
+    def look(alpha: float, near: float | None = None, seed: float = SEED_DISTANCE) -> Edge:
+        edge = find_edge(boundary.at(alpha).directions, near=near, seed=seed)
+        told(alpha, edge)
+        return edge
+
+    below, above = look(low), look(high)
+    if below.distance > 0.0 or above.distance < 0.0:
+        raise ValueError(f'no crisis between alpha = {low:g} and {high:g}: escape is '
+                         f'{"possible" if below.distance > 0.0 else "impossible"} at both; give '
+                         'another bracket')
+    while abs(below.distance) > SMOOTH or abs(above.distance) > SMOOTH:
+        middle = 0.5 * (low + high)
+        edge = look(middle)
+        if edge.distance < 0.0:
+            low, below = middle, edge
+        else:
+            high, above = middle, edge
+        if high - low < 1e-9:
+            raise ValueError(f'the distance jumps at alpha = {low:.9g}: this is no tangency')
+    roots, slope = [], (above.distance - below.distance) / (high - low)
+    for seed in (SEED_DISTANCE, 3.0 * SEED_DISTANCE):
+        alpha, edge = low, below
+        near = find_edge(boundary.at(low).directions, seed=seed).place
+        for _ in range(MOST_STEPS):
+            edge = look(alpha, near, seed)
+            if edge.distance == NEVER or abs(edge.distance / slope) < ROOT:
+                break
+            near = edge.place
+            alpha -= edge.distance / slope
+        roots.append((alpha, edge))
+    alpha, edge = roots[0]
+    # A narrower fold that crosses earlier would show here.
+    finest = find_edge(boundary.at(alpha).directions, samples=100_000, impacts=100,
+                       candidates=40)
+    told(alpha, finest)
+    missed = max(0.0, finest.distance) / slope
+    uncertainty = max(abs(roots[1][0] - alpha), missed, abs(edge.distance) / slope, 1e-10)
+    return Tangency(alpha - missed, uncertainty, edge, boundary.at(alpha).directions,
+                    boundary.fold)
+
+
+def radius_of(boundary: Boundary) -> float:
+    """
+    Choose how near a trajectory must come to count as captured.
+
+    Parameters
+    ----------
+    boundary : Boundary
+        The orbits.
+
+    Returns
+    -------
+    float
+        A tenth of the way from the captor to the saddle, at their nearest points [rad, 1].
+
+    """
+    apart = boundary.captor.points[:, None] - boundary.saddle.points[None]
+    apart[..., 0] -= TWO_PI * np.round(apart[..., 0] / TWO_PI)
+    same = boundary.captor.walls[:, None] == boundary.saddle.walls[None]
+    return 0.1 * float(np.min(np.where(same, np.max(np.abs(apart), axis=2), np.inf)))
