@@ -283,6 +283,48 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def uneventful(row, first, count, restitution, table):  # type: ignore[no-untyped-def]
+    """
+    Skip impacts that are near no point of an orbit and stick to no wall.
+
+    Parameters
+    ----------
+    row : ndarray of IMPACT, shape (m,)
+        Impacts of a trajectory that is near no orbit so far.
+    first, count : int
+        Where to begin, and how many there are.
+    restitution : float
+        Coefficient of restitution [1].
+    table : Table
+        The attractors, no chaotic ones among them.
+
+    Returns
+    -------
+    int
+        The place of the first impact that `watch` has to see, or `count`.
+
+    """
+    settings = table.settings[0]
+    heads = table.heads
+    along_speed = CELLS / settings.speed
+    along_phase = CELLS / TWO_PI
+    slow = 0.0
+    if settings.sticks[0] != EMPTY or settings.sticks[1] != EMPTY:
+        slow = STICKING_SPEED
+    for k in range(first, count):
+        velocity = row[k].velocity
+        speed = abs(velocity)
+        # Beyond the greatest speed, the last cell stands for none.
+        level = np.uint64(min(speed * along_speed, CELLS - 1.0))
+        column = np.uint64(min(row[k].phase * along_phase, CELLS - 1.0))
+        side = np.uint64(1 if math.copysign(1.0, velocity) < 0.0 else 0)
+        cell = (side * np.uint64(CELLS) + level) * np.uint64(CELLS) + column
+        if heads[cell] != EMPTY or restitution * speed < slow:
+            return k
+    return count
+
+
+@kernel
 def finish(tile, i, result, label, lifetime, impacts):  # type: ignore[no-untyped-def]
     """
     Write what became of the start in a lane, and free the lane.
@@ -338,6 +380,7 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
     """
     following = 0
     total = 0
+    skips = len(table.boxes) == 0
     while True:
         before = following
         following = refill(tile, starts, following, float(cap))
@@ -362,11 +405,22 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
             start = starts[number]
             label = EMPTY
             lifetime = 0
-            for k in range(tile.count[i]):
-                label, lifetime = watch(w, impacts[i, k], start, table)
-                if label != EMPTY:
-                    break
-            total += tile.count[i]
+            row = impacts[i]
+            count = tile.count[i]
+            k = 0
+            while k < count and label == EMPTY:
+                if w.point == EMPTY and skips:
+                    seen = k
+                    k = uneventful(row, k, count, start.restitution, table)
+                    if k > seen:
+                        w.impacts += k - seen
+                        w.cycle = row[k - 1].cycle
+                        w.phase = row[k - 1].phase
+                    if k == count:
+                        break
+                label, lifetime = watch(w, row[k], start, table)
+                k += 1
+            total += count
             n = w.impacts
             if label != EMPTY:
                 finish(tile, i, results[number], label, lifetime, n)

@@ -10,6 +10,8 @@ from typing import Any, Final, TypeVar
 Result = TypeVar('Result')
 # A tile is tried again so often when its workers die.
 RETRIES: Final = 5
+# How long a scheduler may take to answer [s].
+PATIENCE: Final = 10.0
 # Tiles handed to a cluster ahead of time, per thread of it.
 AHEAD: Final = 4
 
@@ -108,7 +110,7 @@ def _run_on_cluster(work: Callable[[int], Result], tiles: Sequence[int],
     from distributed import as_completed, Client
     from distributed.scheduler import KilledWorker
     try:
-        client = Client(address, timeout=10, set_as_default=False)
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise EngineError(f'no Dask scheduler answers at {address}: {error}') from error
     with client:
@@ -122,7 +124,8 @@ def _run_on_cluster(work: Callable[[int], Result], tiles: Sequence[int],
             return future
 
         room = AHEAD * max(1, sum(client.nthreads().values()))
-        ended = as_completed([submit(tile) for tile in itertools.islice(waiting, room)])
+        ended = as_completed([submit(tile) for tile in itertools.islice(waiting, room)],
+                             loop=client.loop)
         for future in ended:
             tile = numbers.pop(future.key)
             failure = future.exception()

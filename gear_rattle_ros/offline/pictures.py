@@ -165,7 +165,7 @@ def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float
 
     """
     figure, axes = _new(title)
-    axes.step(times, survival, where='post', color='#2b6fb8', label='share still transient')
+    axes.plot(times, survival, color='#2b6fb8', label='share still transient')
     if rate > 0.0 and np.isfinite(rate):
         tail = times[times >= begin]
         at_begin = float(np.interp(begin, times, survival))
@@ -173,6 +173,9 @@ def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float
                   linestyle='--', label=f'exponential tail, 1/rate = {1.0 / rate:,.0f} impacts')
     axes.set(xlabel='impacts', ylabel='share of the starts', yscale='log')
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    percent = FuncFormatter(lambda value, _: f'{100.0 * value:g} %')
+    axes.yaxis.set_major_formatter(percent)
+    axes.yaxis.set_minor_formatter(percent)
     axes.legend(frameon=False)
     return figure
 

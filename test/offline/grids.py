@@ -1,0 +1,36 @@
+"""What the tests of the grids share."""
+
+from pathlib import Path
+
+from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.offline.basins import compute_basins, Settings
+from gear_rattle_ros.offline.cli import Run
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.store import Store
+import numpy as np
+
+SETTINGS = Settings(starts=150, hold=3000)
+PARAMETERS = Parameters()
+
+
+def run_into(path: Path, **settings) -> Run:
+    """Return how to run a tool into a store."""
+    return Run('basins', 'ros2 run gear_rattle_ros basins', path, **settings)
+
+
+def basin(path: Path, plane: Plane, parameters: Parameters = PARAMETERS, *,
+          settings: Settings = SETTINGS, **run):
+    """Compute a basin; returns store, labels, lifetimes and attractors."""
+    store, _, attractors = compute_basins(parameters, plane, run_into(path, **run), settings)
+    return store, store.read_all('label'), store.read_all('lifetime'), attractors
+
+
+def files_of(store: Store) -> dict[str, bytes]:
+    """Return the chunks of both grids."""
+    return {str(path.relative_to(store.path)): path.read_bytes()
+            for name in ('label', 'lifetime') for path in sorted((store.path / name).iterdir())}
+
+
+def same(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the share of equal cells."""
+    return float(np.mean(a == b))

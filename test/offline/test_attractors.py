@@ -1,0 +1,132 @@
+"""Attractors: exact statements, the scalar core, other seeds and threads."""
+
+import math
+
+from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.offline.attractors import attractors_of, main
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.search import find_attractors
+from gear_rattle_ros.offline.store import open_dataset
+import numpy as np
+import pytest
+
+
+def search(parameters: Parameters, count: int = 200, seed: int = 1, **settings):
+    """Search from random starts of the default window."""
+    settings = {'hold': 4000, **settings}
+    starts = Plane().random_starts(parameters, count, seed)
+    return find_attractors(parameters, starts, **settings)
+
+
+@pytest.fixture(scope='module')
+def chaotic():
+    """Search where an orbit and chaos coexist."""
+    return attractors_of(search(Parameters(alpha=0.57), hold=20_000))
+
+
+@pytest.mark.parametrize('alpha', [0.48, 0.51, 0.53, 1.244])
+def test_exponents_of_every_orbit_have_the_exact_sum(alpha):
+    """The multipliers of flights and impacts know nothing of 2 ln r - beta 2 pi p/q."""
+    found = attractors_of(search(Parameters(alpha=alpha), 60, hold=10_000, chaotic=False))
+    assert found
+    for each in found:
+        assert each.kind == 'periodic'
+        exact = 2.0 * math.log(0.9) - 0.1 * 2.0 * math.pi * each.drive_periods / each.impacts
+        assert sum(each.exponents) == pytest.approx(exact, abs=1e-6)
+        assert each.exact_sum == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize(('alpha', 'impacts', 'exponent'),
+                         [(0.48, 3, -0.2100802), (1.244, 4, -0.1839003)])
+def test_exponents_of_the_orbits_of_the_paper(alpha, impacts, exponent):
+    """Attractor A, and the orbit after the crisis: complex multipliers, equal exponents."""
+    found = {each.impacts: each for each in attractors_of(
+        search(Parameters(alpha=alpha), 60, hold=10_000, chaotic=False))}
+    assert found[impacts].exponents == pytest.approx((exponent, exponent), abs=5e-7)
+
+
+def test_chaotic_exponents_have_the_exact_sum(chaotic):
+    """The exponents of the chaotic attractor add up too; the largest is positive by its error."""
+    orbit, chaos = chaotic
+    assert (orbit.kind, chaos.kind) == ('periodic', 'chaotic')
+    assert sum(chaos.exponents) == pytest.approx(chaos.exact_sum, abs=1e-10)
+    assert chaos.exponents[0] > 20.0 * chaos.errors[0] > 0.0
+    assert 1 <= chaos.pieces <= 4
+    assert orbit.share + chaos.share == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize('alpha', [0.48, 0.515])
+def test_orbits_are_orbits_of_the_scalar_core(alpha):
+    """From every point the simulation comes back to it, again and again."""
+    parameters = Parameters(alpha=alpha)
+    for orbit in search(parameters).orbits:
+        q = len(orbit.sides)
+        simulation = Simulation(parameters, State(
+            0, float(orbit.phases[0]), -float(orbit.sides[0]),
+            -parameters.restitution * float(orbit.velocities[0])))
+        events = simulation.advance(40 * orbit.drive_periods, 0.0, 40 * q)[1:]
+        events = events[:len(events) // q * q]
+        expected = (1 + np.arange(len(events))) % q
+        assert len(events) >= 30 * q
+        assert np.max(np.abs(events['velocity'] - orbit.velocities[expected])) < 1e-8
+        assert np.max(np.abs(np.sin(events['phase'] - orbit.phases[expected]))) < 1e-8
+        assert events['cycle'][q - 1 + q] - events['cycle'][q - 1] == orbit.drive_periods
+
+
+def test_keys_do_not_depend_on_the_seed_and_shares_agree():
+    """Another seed finds the same attractors, with shares within their errors."""
+    first, second = (attractors_of(search(Parameters(alpha=0.51), 400, seed)) for seed in (1, 2))
+    assert [each.key for each in first] == [each.key for each in second]
+    assert len(first) == 3
+    for a, b in zip(first, second, strict=True):
+        assert abs(a.share - b.share) < 4.0 * math.hypot(a.share_error, b.share_error)
+        assert a.points == pytest.approx(b.points, abs=1e-9)
+
+
+def test_threads_change_nothing():
+    """The labels of the random starts are the same with one thread and with three."""
+    one, three = (search(Parameters(alpha=0.51), 600, threads=threads) for threads in (1, 3))
+    assert np.array_equal(one.labels, three.labels)
+    assert [orbit.key for orbit in one.orbits] == [orbit.key for orbit in three.orbits]
+
+
+def test_an_orbit_is_given_with_its_smallest_period():
+    """Before B doubles its multiplier is negative: twice the period recurs long before."""
+    found = {each.impacts: each for each in attractors_of(search(Parameters(alpha=0.52)))}
+    assert sorted(found) == [2, 3]
+    assert min(value.real for value in found[2].multipliers) < -0.7
+
+
+def test_a_long_transient_is_not_called_an_attractor():
+    """Just above the crisis nothing has a positive exponent for ever: what is left is counted."""
+    catalogue = search(Parameters(alpha=1.244), 40, hold=3000)
+    left = int(np.sum(catalogue.labels == UNRESOLVED))
+    assert not catalogue.chaotic
+    assert left > 10
+    assert [len(orbit.sides) for orbit in catalogue.orbits] == [4]
+
+
+def test_an_orbit_that_sticks_is_recognised():
+    """A soft wall: the mass chatters to rest, leaves at a certain phase, and comes back."""
+    catalogue = search(Parameters(alpha=0.15, restitution=0.3))
+    orbit, = catalogue.orbits
+    assert orbit.sticks == 0
+    assert orbit.multipliers == (0j, 0j)
+    # Released where a(tau, 0) = 0, the mass is at the other end of the orbit a flight later.
+    assert abs(orbit.velocities).min() < 1e-9
+    assert np.all(catalogue.labels != UNRESOLVED)
+
+
+def test_the_tool_writes_what_it_prints(tmp_path, capsys):
+    """Keys, shares and points are in the store; the picture is drawn."""
+    path, picture = tmp_path / 'a.zarr', tmp_path / 'a.png'
+    assert main(['--starts', '100', '--output', str(path), '--picture', str(picture)]) == 0
+    printed = capsys.readouterr().out
+    dataset = open_dataset(path)
+    for key in dataset['attractor_key'].values:
+        assert str(key) in printed
+    assert float(dataset['attractor_share'].sum()) == 1.0
+    assert dataset.sizes['point'] == int(dataset['attractor_impacts'].sum())
+    assert picture.stat().st_size > 5000

@@ -1,0 +1,125 @@
+"""Bad input is refused in one line; Ctrl-C keeps what is done and says how to go on."""
+
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+from gear_rattle_ros.offline import attractors, basins, lifetimes
+from gear_rattle_ros.offline.cli import in_words, number, Parser, Progress
+from gear_rattle_ros.offline.store import Store, StoreError
+import numpy as np
+import pytest
+
+TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
+
+
+@pytest.mark.parametrize(('tool', 'options', 'words'), [
+    ('basins', '--phase 2 1', 'phase window 2 to 1 is empty or reversed'),
+    ('basins', '--velocity 1 1', 'velocity window'),
+    ('basins', '--phase 0 7', 'wider than 2 pi'),
+    ('basins', '--velocity nan 1', "'nan' is not a finite number"),
+    ('basins', '--alpha nan', "'nan' is not a finite number"),
+    ('lifetimes', '--alpha inf', "'inf' is not a finite number"),
+    ('basins', '--alpha=-1', 'alpha = -1.0 is outside'),
+    ('attractors', '--restitution 1.5', 'restitution = 1.5 is outside'),
+    ('basins', '--size 0', "'0' is not a whole number from 1 on"),
+    ('basins', '--size 3 0', "'0' is not a whole number from 1 on"),
+    ('basins', '--size 3 4 5', '--size takes one or two numbers'),
+    ('basins', '--size 2.5', "'2.5' is not a whole number"),
+    ('basins', '--displacement 0.5', 'displacement = 0.5 is outside [-1, 0]'),
+    ('basins', '--cap 0', "'0' is not a whole number from 1 on"),
+    ('basins', '--tolerance 0', 'tolerance = 0 is not between'),
+    ('basins', '--picture /nowhere/at/all/a.png', 'cannot be written'),
+    ('basins', '--output /proc/nothing/a.zarr', 'cannot be written'),
+    ('basins', '--zoom-levels 2 --zoom-at 1 9', 'velocity 9 is outside'),
+    ('basins', '--zoom-levels 2 --zoom-factor 1', '--zoom-factor 1 is not'),
+    ('lifetimes', '--cap 100 --tail 100', 'does not lie below the cap'),
+    ('attractors', '--starts 0', "'0' is not a whole number from 1 on"),
+    ('attractors', '--sizes 3', 'unrecognized arguments'),
+])
+def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path, monkeypatch):
+    """The line names the value, the status is 2, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    try:
+        status = TOOLS[tool](shlex.split(options))
+    except SystemExit as end:
+        status = end.code
+    said = capsys.readouterr()
+    assert status == 2
+    assert said.out == ''
+    assert len(said.err.splitlines()) == 1
+    assert said.err.startswith(f'{tool}: ')
+    assert words in said.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
+    """--resume goes on with the same result only."""
+    common = ['--size', '6', '--starts', '20', '--output', str(tmp_path / 'a.zarr')]
+    assert basins.main(common) == 0
+    assert basins.main(common) == 2
+    assert 'add --resume' in capsys.readouterr().err
+    assert basins.main([*common, '--resume', '--alpha', '0.5']) == 2
+    assert 'alpha = 0.48, not 0.5;' in capsys.readouterr().err
+    assert basins.main([*common, '--resume']) == 0
+
+
+def test_ctrl_c_keeps_finished_tiles(tmp_path):
+    """A real process is interrupted, and the command it prints finishes the store."""
+    def command(path):
+        return [sys.executable, '-m', 'gear_rattle_ros.start', 'lifetimes', '--size', '80',
+                '--tile', '16', '--cap', '4000', '--starts', '64', '--hold', '4000', '--threads',
+                '1', '--output', str(path)]
+
+    path = tmp_path / 'a.zarr'
+    process = subprocess.Popen(command(path), stderr=subprocess.PIPE, stdout=subprocess.PIPE,
+                               text=True)
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline:
+        try:
+            if len(Store(path).pending()) < 24:
+                break
+        except (StoreError, ValueError):
+            pass
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    line = said.strip().splitlines()[-1]
+    assert 'Traceback' not in said
+    pending = Store(path).pending()
+    assert f'{25 - len(pending)} of 25 tiles are kept in {path}' in line
+    assert 0 < len(pending) < 25
+    resume = shlex.split(line.split('go on with: ')[1])
+    assert resume[:4] == ['ros2', 'run', 'gear_rattle_ros', 'lifetimes']
+    assert resume[-1] == '--resume'
+    assert lifetimes.main(resume[4:]) == 0
+    assert lifetimes.main(command(tmp_path / 'b.zarr')[4:]) == 0
+    for name in ('label', 'lifetime', 'survival'):
+        assert np.array_equal(Store(path).read_all(name),
+                              Store(tmp_path / 'b.zarr').read_all(name))
+
+
+@pytest.mark.parametrize(('text', 'value'), [
+    ('0.48', 0.48), ('-1e-3', -1e-3), ('2pi', 2.0 * np.pi), ('-pi', -np.pi), ('0.5pi', np.pi / 2)])
+def test_numbers(text, value):
+    """Fractions of pi are read, also as the values of an option."""
+    assert number(text) == value
+    parser = Parser('name')
+    parser.add_argument('--window', nargs=2, type=number)
+    assert parser.parse_args(['--window', text, '3']).window == [value, 3.0]
+
+
+def test_progress_tells_rate_and_time_left(capsys, monkeypatch):
+    """Half done in ten seconds: ten more, and the impacts by the seconds."""
+    now = [100.0]
+    monkeypatch.setattr(time, 'monotonic', lambda: now[0])
+    progress = Progress('basins', 300, sys.stderr)
+    progress.skip(100)
+    now[0] = 111.0
+    progress.add(100, 33_000_000)
+    assert capsys.readouterr().err == (
+        'basins: 200 of 300, 3.0 million impacts/s, 11 s left\n')
+    assert [in_words(seconds) for seconds in (9.7, 600.0, 7200.0)] == ['10 s', '10 min', '2.0 h']

@@ -1,0 +1,79 @@
+"""Stores: labelled, resumable, refused where they are something else."""
+
+import dataclasses
+import os
+
+from gear_rattle_ros.offline.store import (
+    Axis, Layout, make_store, open_dataset, Store, StoreError, Variable)
+import numpy as np
+import pytest
+import zarr
+
+LAYOUT = Layout(
+    (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
+     Axis('phase', np.arange(5.0), {'units': 'rad'}, 2)),
+    (Variable('label', ('velocity', 'phase'), '<i2', {'long_name': 'label'}, -1),),
+    {'tool': 'basins', 'alpha': 0.48, 'phase_window': [0.0, 5.0]})
+
+
+def test_tiles_cover_every_cell_once(tmp_path):
+    """Each tile written with its number: every cell has one, in the right place."""
+    store = make_store(tmp_path / 'a', LAYOUT, 'command')
+    count = np.zeros((7, 5), int)
+    for tile, region in enumerate(store.tiles):
+        place = (region['velocity'], region['phase'])
+        count[place] += 1
+        store.write(tile, {'label': np.full(count[place].shape, tile)})
+        store.mark(tile)
+    assert np.all(count == 1)
+    label = open_dataset(tmp_path / 'a')['label']
+    for tile, region in enumerate(store.tiles):
+        assert np.all(label.values[region['velocity'], region['phase']] == tile)
+    assert Store(tmp_path / 'a').pending() == []
+
+
+def test_an_independent_reader_finds_everything(tmp_path):
+    """Without this package, zarr alone reads arrays, dimensions and attributes."""
+    store = make_store(tmp_path / 'a', LAYOUT, 'the command')
+    store.write_table({'key': (('attractor',), np.array(['a', 'bcd']), {'long_name': 'name'})})
+    store.write_table({'key': (('attractor',), np.array(['a', 'bcd', 'x']), {})})
+    group = zarr.open_group(str(tmp_path / 'a'), mode='r')
+    assert group.attrs['alpha'] == 0.48
+    assert group.attrs['command'] == 'the command'
+    assert list(group['key'][:]) == ['a', 'bcd', 'x']
+    assert np.all(group['label'][:] == -1)
+    assert group['label'].attrs['_ARRAY_DIMENSIONS'] == ['velocity', 'phase']
+    assert np.array_equal(group['velocity'][:], np.linspace(-1.0, 1.0, 7))
+
+
+def test_marks_outlive_the_process_that_made_them(tmp_path):
+    """A store that is opened again knows what is done."""
+    store = make_store(tmp_path / 'a', LAYOUT, 'command')
+    store.mark(4)
+    again = make_store(tmp_path / 'a', LAYOUT, 'command', resume=True)
+    assert again.pending() == [tile for tile in range(len(store.tiles)) if tile != 4]
+
+
+def test_what_is_something_else_is_refused(tmp_path):
+    """Without --resume, with other parameters, and where there is no store at all."""
+    make_store(tmp_path / 'a', LAYOUT, 'command')
+    with pytest.raises(StoreError, match='add --resume'):
+        make_store(tmp_path / 'a', LAYOUT, 'command')
+    other = dataclasses.replace(LAYOUT, identity={**LAYOUT.identity, 'alpha': 0.57})
+    with pytest.raises(StoreError, match=r'alpha = 0\.48, not 0\.57'):
+        make_store(tmp_path / 'a', other, 'command', resume=True)
+    (tmp_path / 'b').mkdir()
+    (tmp_path / 'b' / 'file').write_text('mine')
+    with pytest.raises(StoreError, match='no store of this package'):
+        make_store(tmp_path / 'b', LAYOUT, 'command', resume=True)
+    assert (tmp_path / 'b' / 'file').read_text() == 'mine'
+    with pytest.raises(StoreError, match='does not exist'):
+        Store(tmp_path / 'c')
+
+
+def test_an_output_that_cannot_be_written_is_refused(tmp_path):
+    """Below a file no directory can be made."""
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(StoreError, match='cannot be written'):
+        make_store(tmp_path / 'file' / 'a', LAYOUT, 'command')
+    assert os.listdir(tmp_path) == ['file']
