@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from .closed_orbits import CLOSED, fire, FloatArray, orbit_at, PeriodicOrbit
 from .model import ALPHA_MAXIMUM, Parameters
-from .closed_orbits import CLOSED, FloatArray, fire, orbit_at, PeriodicOrbit
 
 FIRST_STEP: Final = 2e-3
 SHORTEST_STEP: Final = 1e-10

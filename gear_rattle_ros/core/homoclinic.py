@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from .closed_orbits import fire, FloatArray, PeriodicOrbit
 from .compiled import kernel
 from .elementary import TWO_PI
 from .flight import NO_WALL
 from .impact_map import next_impact
-from .closed_orbits import fire, FloatArray, PeriodicOrbit
 
 # The unstable manifold is straight so far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6

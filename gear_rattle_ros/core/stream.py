@@ -7,7 +7,6 @@ import numpy as np
 from .compiled import kernel
 from .model import EventArray, EventKind
 
-
 STICK, RETUNE = int(EventKind.STICK), int(EventKind.RETUNE)
 
 

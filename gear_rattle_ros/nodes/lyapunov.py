@@ -14,7 +14,6 @@ from ..messages import named_values, stamp_from_nanoseconds
 from ..parameters import LYAPUNOV
 from ..qos import STREAM
 
-
 # How long the last estimate may take to arrive when the node ends [s].
 LAST_WORD = 0.2
 

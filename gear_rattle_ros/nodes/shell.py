@@ -22,7 +22,6 @@ from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_sta
 from ..parameters import declare, Specification
 from ..qos import STREAM_INPUT
 
-
 # A signal is seen between two callbacks, or after so long without one [s].
 STOP_SEEN_WITHIN = 0.1
 # A node that ends takes in what has arrived, for so long at the most [s].

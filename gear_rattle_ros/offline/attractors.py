@@ -9,14 +9,14 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..core.elementary import TWO_PI
-from ..core.model import Parameters
-from ..core.periodic import Orbit
 from . import cli
 from .grid import Plane
 from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
 from .store import Layout, make_store, Store
+from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
+from ..core.elementary import TWO_PI
+from ..core.model import Parameters
+from ..core.periodic import Orbit
 
 NAME: Final = 'attractors'
 ENDS: Final = {RESTS_UPPER: 'rest-upper', RESTS_LOWER: 'rest-lower', FLOATING: 'floating'}

@@ -7,8 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from ..core.classify import UNRESOLVED
-from ..core.model import Parameters
 from . import cli
 from .attractors import (
     Attractor,
@@ -21,6 +19,8 @@ from .grid import Plane
 from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
 from .store import Store
 from .tiles import compute_grid, grid_layout, open_grid
+from ..core.classify import UNRESOLVED
+from ..core.model import Parameters
 
 NAME: Final = 'basins'
 CAP: Final = 20_000

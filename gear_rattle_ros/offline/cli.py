@@ -16,11 +16,11 @@ import sys
 import time
 from typing import Any, Final, NoReturn, TextIO
 
-from ..core.compiled import cache_directory
-from ..core.model import Parameters
 from .engine import EngineError
 from .grid import Plane
 from .store import Store, StoreError
+from ..core.compiled import cache_directory
+from ..core.model import Parameters
 
 PACKAGE: Final = 'gear_rattle_ros'
 INTERRUPTED: Final = 130

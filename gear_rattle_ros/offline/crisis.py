@@ -14,9 +14,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.escape import CAPTURED, last_until_captured, STEPS
-from ..core.lanes import new_impacts, new_tiles
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 from .cli import (
     add_model,
     add_plane,
@@ -37,6 +34,9 @@ from .escape_rates import escape_rate, EscapeRate, fit_exponent, fit_law, Lifeti
 from .grid import Plane
 from .store import Axis, Layout, make_store, Store, Variable
 from .tangency import Boundary, find_boundary, find_tangency, radius_of, Tangency
+from ..core.escape import CAPTURED, last_until_captured, STEPS
+from ..core.lanes import new_impacts, new_tiles
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 FloatArray = npt.NDArray[np.float64]
 # What the paper prints, and the amplitudes of its figures on either side.

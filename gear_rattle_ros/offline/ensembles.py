@@ -8,10 +8,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.elementary import TWO_PI
-from ..core.lanes import begin, IMPACT, new_impacts, new_tiles, refill, START
-from ..core.lanes_step import LANES
-from ..core.model import Parameters
 from ..core.closed_orbits import (
     close_orbit,
     exponents,
@@ -19,6 +15,10 @@ from ..core.closed_orbits import (
     same_orbit,
     shortest_period,
 )
+from ..core.elementary import TWO_PI
+from ..core.lanes import begin, IMPACT, new_impacts, new_tiles, refill, START
+from ..core.lanes_step import LANES
+from ..core.model import Parameters
 from ..core.raster import BLOCKS, fill, KEPT, STEPS
 
 FloatArray = npt.NDArray[np.float64]

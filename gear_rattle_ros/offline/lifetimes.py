@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.classify import UNRESOLVED
-from ..core.model import Parameters
 from . import cli
 from .attractors import Attractor
 from .basins import add_settings, compute_basins, Settings, settings_of
 from .grid import Plane
 from .search import Catalogue
 from .store import Store
+from ..core.classify import UNRESOLVED
+from ..core.model import Parameters
 
 NAME: Final = 'lifetimes'
 # As in the paper.

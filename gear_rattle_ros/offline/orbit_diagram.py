@@ -11,9 +11,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.lanes import START
-from ..core.lanes_step import LANES
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 from .cli import (
     add_model,
     add_plane,
@@ -34,6 +31,9 @@ from .ensembles import Ensemble, Followers, Kind, run_ensemble, settle, Settled,
 from .grid import Plane
 from .store import Axis, Layout, make_store, Store, Variable
 from .tracks import track
+from ..core.lanes import START
+from ..core.lanes_step import LANES
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 FloatArray = npt.NDArray[np.float64]
 # Attractors kept apart at one alpha; what is beyond is counted with the last of them.
@@ -130,7 +130,7 @@ class Diagram:
 
         Returns
         -------
-        Parameters
+        model.Parameters
             With its alpha.
 
         """

@@ -14,10 +14,10 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 import numpy as np
 import numpy.typing as npt
 
-from ..core.classify import UNRESOLVED
 from .attractors import Attractor
 from .grid import Plane
 from .search import Catalogue
+from ..core.classify import UNRESOLVED
 
 DPI: Final = 120
 # No picture has more cells than this along an edge: the rest is not seen anyway.

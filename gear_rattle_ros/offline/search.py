@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from .engine import run_tiles
 from ..core.chaos import box_sets, BoxSet
 from ..core.classify import (
     BOXES,
@@ -32,7 +33,6 @@ from ..core.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.periodic import find_orbit, Orbit, record_impacts, shortest_recurrence
 from ..core.table import dilated, make_table
-from .engine import run_tiles
 
 TOLERANCE: Final = 1e-3
 STARTS: Final = 1000

@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
+from .ensembles import Kind, run_ensemble, settle, Window
+from .grid import Plane
 from ..core.branches import Change, follow
 from ..core.closed_orbits import close_orbit, PeriodicOrbit
 from ..core.elementary import TWO_PI
 from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
 from ..core.model import Parameters
-from .ensembles import Kind, run_ensemble, settle, Window
-from .grid import Plane
 
 # An orbit is carried on in alpha in steps no longer than this.
 STEP: Final = 2e-3

@@ -9,14 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from ..core.classify import RESULT, Table, UNRESOLVED
-from ..core.model import Parameters
-from ..core.periodic import Orbit
 from .cli import Run
 from .engine import run_tiles
 from .grid import Plane
 from .search import Catalogue, orbits_among, settle_here, STAGES
 from .store import Axis, Layout, make_store, Store, Variable
+from ..core.classify import RESULT, Table, UNRESOLVED
+from ..core.model import Parameters
+from ..core.periodic import Orbit
 
 LABELS: Final = '<i2'
 LIFETIMES: Final = '<i4'

@@ -21,7 +21,7 @@ DRIFT: Final = 6.0
 def track(counts: npt.NDArray[Any], kinds: npt.NDArray[Any], periods: npt.NDArray[Any],
           alphas: FloatArray, velocities: FloatArray) -> npt.NDArray[np.int64]:
     """
-    Number the attractors of an orbit diagram.
+    Give numbers to the attractors of an orbit diagram.
 
     Parameters
     ----------

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.elementary import (
-    exp_minus, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL)
+    exp_minus,
+    relaxation,
+    sine_cosine,
+    sine_defect,
+    TWO_PI,
+    TWO_PI_TAIL,
+)
 
 
 def ulps(value: float, exact: mp.mpf) -> float:

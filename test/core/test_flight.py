@@ -2,8 +2,7 @@
 
 import math
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 import mpmath as mp
 import numpy as np
 import pytest
@@ -12,7 +11,16 @@ from scipy.integrate import solve_ivp
 
 from gear_rattle_ros.core.elementary import sine_cosine, TWO_PI
 from gear_rattle_ros.core.flight import (
-    acceleration, displace, elapsed, later, LOWER, NO_WALL, rebound, search_impact, UPPER)
+    acceleration,
+    displace,
+    elapsed,
+    later,
+    LOWER,
+    NO_WALL,
+    rebound,
+    search_impact,
+    UPPER,
+)
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
 

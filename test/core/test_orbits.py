@@ -3,8 +3,7 @@
 import functools
 import math
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from test_tangent import jacobian_of_equation_9

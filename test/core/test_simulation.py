@@ -2,8 +2,7 @@
 
 import math
 
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 import mpmath as mp
 import numpy as np
 import pytest

@@ -158,7 +158,7 @@ def test_without_restitution_the_mass_sticks_or_leaves_at_once() -> None:
 
 
 def test_an_elastic_mass_never_sticks() -> None:
-    """r = 1 under a constant force: the same bounce for ever, however small."""
+    """With r = 1 under a constant force: the same bounce for ever, however small."""
     for v in (1e-3, 1e-9, 1e-12):
         events = Simulation(Parameters(0.0, 0.0, 0.2, 1.0), State(0, 0.0, 0.0, v)).advance(
             10**4, 0.0, 500)[1:]
@@ -170,7 +170,7 @@ def test_an_elastic_mass_never_sticks() -> None:
 @pytest.mark.parametrize('beta', [0.0, 0.1])
 @pytest.mark.parametrize('short', [0.0, 1e-16, 1e-13, 1e-11, 1e-9])
 def test_a_load_as_strong_as_the_drive_does_not_hang(beta: float, short: float) -> None:
-    """gamma next to alpha sqrt(1 + beta^2): releases vanish, and time goes on."""
+    """With gamma next to alpha sqrt(1 + beta^2): releases vanish, and time goes on."""
     amplitude = 0.5 * math.sqrt(1.0 + beta * beta)
     simulation = Simulation(
         Parameters(0.5, beta, amplitude * (1.0 - short), 0.9), State(0, 0.0, -0.3, 0.1))

@@ -1,7 +1,6 @@
 """Holes in the stream: gaps, restarts, duplicates, wrap-around."""
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 

@@ -55,7 +55,7 @@ def rattling(alpha: float, count: int, beta: float = 0.1, restitution: float = 0
 
 @pytest.mark.parametrize('alpha', [0.57, 1.2, 3.0])
 def test_determinants_impact_by_impact(alpha: float) -> None:
-    """det F = E, det S = r^2, det D_n = r^2 E v_n/v_(n+1)."""
+    """Exactly det F = E, det S = r^2, det D_n = r^2 E v_n/v_(n+1)."""
     events = rattling(alpha, 200)
     for before, after in zip(events[:-1], events[1:], strict=True):
         flight, impact = matrices(before, after)

@@ -60,7 +60,7 @@ class Steering:
         self.spin(future.done)
         return future.result()
 
-    def set(self, **values):
+    def put(self, **values):
         """Set parameters, all or none."""
         return self.call(
             SetParametersAtomically, 'set_parameters_atomically',
@@ -129,7 +129,7 @@ def test_integer_for_a_double_is_taken_at_start_and_live(start, reader, steering
     """`alpha 1` means 1.0."""
     start('simulator', '--ros-args', '-p', 'alpha:=1', '-p', 'rate:=100')
     assert reader.until(10)['alpha'][-1] == 1.0
-    assert steering.set(alpha=2).successful
+    assert steering.put(alpha=2).successful
     reader.spin(lambda: reader.events()['alpha'][-1] == 2.0)
     assert steering.get('alpha') == [2.0]
 
@@ -138,7 +138,7 @@ def test_live_retune_is_continuous_and_raises_the_epoch(start, reader, steering)
     """Displacement and velocity go on; everything after the retune has the new value."""
     start('simulator', '--ros-args', '-p', 'wait_for_readers:=1', '-p', 'rate:=200.0')
     reader.until(100)
-    assert steering.set(alpha=0.57, gamma=0.2).successful
+    assert steering.put(alpha=0.57, gamma=0.2).successful
     reader.spin(lambda: EventKind.RETUNE in reader.events()['kind'])
     events = reader.until(len(reader.events()) + 50)
     at = int(np.flatnonzero(events['kind'] == EventKind.RETUNE)[0])
@@ -159,7 +159,7 @@ def test_live_retune_is_continuous_and_raises_the_epoch(start, reader, steering)
 def test_refused_value_changes_nothing(start, steering, values):
     """The answer has a reason, and everything is as it was."""
     start('simulator')
-    result = steering.set(**values)
+    result = steering.put(**values)
     assert not result.successful and result.reason
     assert steering.get('alpha', 'gamma', 'beta') == [0.48, 0.1, 0.1]
 
@@ -168,8 +168,8 @@ def test_reset_sets_the_state_and_never_goes_back_in_time(start, reader, steerin
     """The RESET record has the initial state of the parameters, at their phase."""
     start('simulator', '--ros-args', '-p', 'rate:=100.0')
     reader.until(50)
-    assert steering.set(initial_phase=1.25, initial_displacement=-0.5).successful
-    assert steering.set(initial_velocity=0.75).successful
+    assert steering.put(initial_phase=1.25, initial_displacement=-0.5).successful
+    assert steering.put(initial_velocity=0.75).successful
     assert steering.call(Trigger, 'reset', Trigger.Request()).success
     reader.spin(lambda: EventKind.RESET in reader.events()['kind'][1:])
     events = reader.until(len(reader.events()) + 20)
@@ -201,7 +201,7 @@ def test_ramp_steps_exactly_once_a_drive_period(start, reader, steering):
     """Alpha climbs by alpha_rate at the end of every period, and stops at its target."""
     start('simulator', '--ros-args', '-p', 'rate:=100.0', '-p', 'wait_for_readers:=1')
     reader.until(10)
-    assert steering.set(alpha_target=0.5, alpha_rate=0.0005).successful
+    assert steering.put(alpha_target=0.5, alpha_rate=0.0005).successful
     reader.spin(lambda: reader.events()['alpha'][-1] == 0.5)
     events = reader.until(len(reader.events()) + 10)
     steps = events[events['kind'] == EventKind.RETUNE]

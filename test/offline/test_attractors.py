@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
@@ -9,8 +12,6 @@ from gear_rattle_ros.offline.attractors import attractors_of, main
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
-import numpy as np
-import pytest
 
 
 def search(parameters: Parameters, count: int = 200, seed: int = 1, **settings):

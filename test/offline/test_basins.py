@@ -3,8 +3,19 @@
 import dataclasses
 import math
 
+from grids import basin, SETTINGS
+import numpy as np
+import pytest
+
 from gear_rattle_ros.core.classify import (
-    classify, FLOATING, RESTS_UPPER, RESULT, STEPS, UNRESOLVED, WATCH)
+    classify,
+    FLOATING,
+    RESTS_UPPER,
+    RESULT,
+    STEPS,
+    UNRESOLVED,
+    WATCH,
+)
 from gear_rattle_ros.core.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.lanes_step import LANES
 from gear_rattle_ros.core.model import EventKind, Parameters, State
@@ -15,9 +26,6 @@ from gear_rattle_ros.offline.basins import magnifications
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import make_store, open_dataset
-from grids import basin, SETTINGS
-import numpy as np
-import pytest
 
 PLANE = Plane(phases=48, velocities=40)
 

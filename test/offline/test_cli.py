@@ -6,11 +6,12 @@ import subprocess
 import sys
 import time
 
+import numpy as np
+import pytest
+
 from gear_rattle_ros.offline import attractors, basins, lifetimes
 from gear_rattle_ros.offline.cli import in_words, number, Parser, Progress
 from gear_rattle_ros.offline.store import Store, StoreError
-import numpy as np
-import pytest
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
 

@@ -6,12 +6,13 @@ import signal
 import threading
 import time
 
+from grids import basin, files_of, SETTINGS
+import pytest
+
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline import engine, tiles as tiles_module
 from gear_rattle_ros.offline.engine import EngineError, run_tiles
 from gear_rattle_ros.offline.grid import Plane
-from grids import basin, files_of, SETTINGS
-import pytest
 
 
 @pytest.mark.parametrize('threads', [1, 2, 5])

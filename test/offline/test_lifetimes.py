@@ -2,16 +2,21 @@
 
 import dataclasses
 
+from grids import run_into
+import numpy as np
+import pytest
+
 from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.basins import Settings
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.lifetimes import (
-    compute_lifetimes, distribution, estimate_escape, lifetimes_in)
+    compute_lifetimes,
+    distribution,
+    estimate_escape,
+    lifetimes_in,
+)
 from gear_rattle_ros.offline.store import open_dataset
-from grids import run_into
-import numpy as np
-import pytest
 
 SETTINGS = Settings(cap=1500, starts=64, hold=4000, chaotic=False)
 PLANE = Plane(phases=40, velocities=40)

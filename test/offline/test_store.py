@@ -3,11 +3,19 @@
 import dataclasses
 import os
 
-from gear_rattle_ros.offline.store import (
-    Axis, Layout, make_store, open_dataset, Store, StoreError, Variable)
 import numpy as np
 import pytest
 import zarr
+
+from gear_rattle_ros.offline.store import (
+    Axis,
+    Layout,
+    make_store,
+    open_dataset,
+    Store,
+    StoreError,
+    Variable,
+)
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),

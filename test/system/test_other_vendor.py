@@ -32,7 +32,7 @@ def read_with_cyclone() -> None:
     from cyclonedds.core import Policy, Qos
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.idl import IdlStruct
-    from cyclonedds.idl.types import int32, sequence, uint32, uint8
+    from cyclonedds.idl.types import int32, sequence, uint8, uint32
     from cyclonedds.sub import DataReader
     from cyclonedds.topic import Topic
     from cyclonedds.util import duration
