@@ -158,6 +158,48 @@ def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
     axes.set_axisbelow(True)
 
 
+def draw_shares(store: Store) -> Figure:
+    """
+    Draw the shares of the attractors against alpha, with what happens to them.
+
+    Parameters
+    ----------
+    store : Store
+        Made by `continuation`.
+
+    Returns
+    -------
+    Figure
+        910 x 560 pixels.
+
+    """
+    alphas, numbers = store.read_all('alpha'), store.read_all('attractor')[0]
+    shares = store.read_all('share')[0]
+    count = store.attributes['trajectories']
+    figure = new_figure(LEFT + WIDTH + RIGHT, 560)
+    axes = add_axes(figure, LEFT, BOTTOM, WIDTH, 560 - BOTTOM - TOP)
+    for number in np.unique(numbers[numbers >= 0]):
+        share = _of(int(number), numbers, shares)
+        error = np.sqrt(share * (1.0 - share) / count)
+        colour = hue(int(number))
+        axes.fill_between(alphas, share - error, share + error, color=colour, alpha=0.25,
+                          linewidth=0)
+        axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
+    kinds, where = store.read_all('event_kind'), store.read_all('event_alpha')
+    of = store.read_all('event_attractor')
+    for kind, alpha, number in zip(kinds, where, of, strict=True):
+        if alphas[0] <= alpha <= alphas[-1]:
+            style = {'fold': '-', 'doubling': ':', 'vanishes': '--'}.get(str(kind), '-.')
+            axes.axvline(alpha, color=hue(int(number)), linestyle=style, linewidth=1.0)
+    axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
+    axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
+    axes.set_ylabel('share of the starts [1], ± standard error', fontsize=12)
+    figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, 'Shares of the attractors; lines: '
+                'fold (solid), doubling (dotted), end (dashed)', va='top', fontsize=13)
+    _legend(axes, store, [0])
+    return figure
+
+
 def _of(number: int, numbers: npt.NDArray[Any], values: FloatArray) -> FloatArray:
     mine = numbers == number
     line = np.full(len(numbers), math.nan)
