@@ -139,7 +139,7 @@ class Store:
         try:
             self._group = _open_group(path)
             done = self._group[DONE]
-            cuts: dict[str, list[int]] = dict(done.attrs['tiles'])
+            cuts = {str(name): (int(size), int(step)) for name, size, step in done.attrs['tiles']}
         except (OSError, KeyError, ValueError) as error:
             what = 'is no store of this package' if path.exists() else 'does not exist'
             raise StoreError(f'{path} {what}; choose another --output') from error
@@ -383,8 +383,9 @@ def _fill(group: Any, layout: Layout, command: str) -> None:
         shape = tuple(sizes[name] for name in variable.dimensions)
         chunks = tuple(steps.get(name, sizes[name]) for name in variable.dimensions)
         _make_array(group, variable, shape, chunks)
-    tiles = {name: [sizes[name], step] for name, step in steps.items()}
-    count = int(np.prod([-(-size // step) for size, step in tiles.values()]))
+    # A list: some versions of zarr sort the keys of what is in an attribute.
+    tiles = [[name, sizes[name], step] for name, step in steps.items()]
+    count = int(np.prod([-(-sizes[name] // step) for name, step in steps.items()]))
     _make_array(group, Variable(DONE, ('tile',), '|u1', {
         'long_name': 'tile is complete', 'tiles': tiles}), (count,), (count,))
 

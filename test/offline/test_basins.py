@@ -64,6 +64,21 @@ def test_resume_gives_the_same_store(tmp_path, reference):
     assert kept.stat().st_mtime_ns == before
 
 
+@pytest.mark.parametrize('tile', [9, 48])
+def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, tile):
+    """With one random start the other attractor is met by the tiles; labels mean the same."""
+    settings = dataclasses.replace(SETTINGS, starts=1, cap=1500, tile=tile)
+    _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, settings=settings)
+    _, expected, lifetimes, known = reference
+    assert len(attractors) == len(known) == 2
+    assert [each.starts for each in attractors] == [1, 0]
+    ours = np.array([each.key for each in attractors])[label]
+    assert np.array_equal(ours, np.array([each.key for each in known])[expected])
+    assert np.array_equal(lifetime, lifetimes)
+    _, again, _, _ = basin(tmp_path / 'a', PLANE, settings=settings, resume=True)
+    assert np.array_equal(again, label)
+
+
 def followed(start):
     """Follow a start by the scalar simulation and the live detector."""
     simulation = Simulation(
