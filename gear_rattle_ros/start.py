@@ -18,8 +18,11 @@ from typing import NoReturn
 EXECUTABLES = {
     'attractors': 'offline.attractors',
     'basins': 'offline.basins',
+    'continuation': 'offline.continuation',
+    'crisis': 'offline.crisis',
     'lifetimes': 'offline.lifetimes',
     'lyapunov': 'nodes.lyapunov',
+    'orbit_diagram': 'offline.orbit_diagram',
     'recorder': 'nodes.recorder',
     'replay': 'nodes.replay',
     'simulator': 'nodes.simulator',
