@@ -1,0 +1,123 @@
+"""Escape rates from known laws, and the crisis between what escapes and what does not."""
+
+import math
+
+from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS
+from gear_rattle_ros.core.homoclinic import find_edge
+from gear_rattle_ros.core.lanes import new_impacts, new_tiles
+from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET
+from gear_rattle_ros.offline.escape_rates import escape_rate, fit_exponent, fit_law
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.store import open_dataset
+from gear_rattle_ros.offline.tangency import find_boundary, radius_of
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope='module')
+def boundary():
+    """Find the orbit of four impacts and its saddle."""
+    return find_boundary(Parameters(alpha=1.25), 1.23)
+
+
+def escapes_at(boundary, alpha, trajectories, limit):
+    """Time escapes at an alpha."""
+    parameters = Parameters(alpha=alpha)
+    starts = Plane().random_starts(parameters, trajectories, 5)
+    lifetimes, fates = np.zeros(trajectories, np.int64), np.zeros(trajectories, np.int64)
+    last_until_captured(new_tiles(1)[0], new_impacts(STEPS), starts,
+                        boundary.at(alpha).captor.points, radius_of(boundary), limit, lifetimes,
+                        fates)
+    return lifetimes, fates
+
+
+@pytest.mark.parametrize('limit', [math.inf, 700.0])
+def test_a_known_rate_is_found_within_its_error(limit):
+    rng = np.random.default_rng(2)
+    off = []
+    for _ in range(60):
+        life = 100.0 + rng.exponential(500.0, 2000)
+        rate = escape_rate(np.minimum(life, limit), life > limit, 100.0)
+        off.append((rate.rate - 1.0 / 500.0) / rate.error)
+        assert rate.mean == pytest.approx(500.0, abs=6.0 * rate.mean_error)
+    # The stated error is the scatter.
+    assert np.std(off) == pytest.approx(1.0, abs=0.3)
+    assert abs(np.mean(off)) < 4.0 / math.sqrt(60)
+
+
+def test_what_escapes_at_once_says_nothing():
+    life = np.concatenate([np.full(1000, 5.0), 50.0 + np.full(10, 100.0)])
+    rate = escape_rate(life, np.zeros(1010, bool), 50.0)
+    assert rate.escapes == 10 and rate.rate == pytest.approx(0.01)
+
+
+def test_a_known_law_is_found_within_its_errors():
+    rng = np.random.default_rng(3)
+    alphas = 1.2 + np.geomspace(1e-5, 1e-3, 16)
+    exact = 0.07 * (alphas - 1.2)**0.93
+    counts = rng.poisson(400, len(alphas))
+    rates = exact * counts / 400
+    law = fit_law(alphas, rates, rates / np.sqrt(counts))
+    assert abs(law.alpha_c - 1.2) < 4.0 * law.alpha_c_error < 2e-5
+    assert abs(law.exponent - 0.93) < 4.0 * law.exponent_error < 0.5
+    exponent, error = fit_exponent(alphas, rates, rates / np.sqrt(counts), 1.2)
+    assert abs(exponent - 0.93) < 4.0 * error < 0.2
+    clean = fit_law(alphas, exact, 0.01 * exact)
+    assert clean.alpha_c == pytest.approx(1.2, abs=1e-10)
+    assert clean.exponent == pytest.approx(0.93, abs=1e-6)
+
+
+def test_too_few_rates_are_refused():
+    with pytest.raises(ValueError, match='not enough'):
+        fit_law([1.0, 1.1, 1.2], [1.0, 2.0, 3.0], [0.1, 0.1, 0.1])
+
+
+def test_captor_and_saddle_are_born_in_a_fold(boundary):
+    for orbit in (boundary.captor, boundary.saddle):
+        assert (orbit.period_impacts, orbit.period_drive) == (4, 1)
+        product = complex(orbit.multipliers[0] * orbit.multipliers[1])
+        assert product.real == pytest.approx(0.9**8 * math.exp(-0.1 * 2.0 * math.pi), rel=1e-10)
+    assert boundary.captor.is_stable and not boundary.saddle.is_stable
+    near = boundary.at(boundary.fold + 1e-6)
+    assert abs(near.saddle.multipliers[0] - 1.0) < 0.05
+    assert 1.20 < boundary.fold < 1.21
+
+
+def test_manifolds_cross_where_trajectories_escape_and_not_where_they_stay(boundary):
+    below = find_edge(boundary.at(1.2430).directions, samples=4000)
+    above = find_edge(boundary.at(1.2436).directions, samples=4000)
+    assert below.distance < 0.0 < above.distance
+    # None of those that last escapes below the tangency, nearly all do above.
+    life, fates = escapes_at(boundary, 1.2430, 128, 40_000)
+    assert not np.any((fates == CAPTURED) & (life > 300))
+    life, fates = escapes_at(boundary, 1.2500, 128, 40_000)
+    assert np.all(fates == CAPTURED)
+
+
+def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
+    life, fates = escapes_at(boundary, PAPER + 1e-3, 128, 40_000)
+    assert not np.any((fates == CAPTURED) & (life > 300))
+
+
+@pytest.mark.long
+def test_both_methods_agree_inside_the_bracket_of_the_paper(tmp_path, capsys):
+    path, picture = tmp_path / 'c.zarr', tmp_path / 'c.png'
+    assert main(['--output', str(path), '--picture', str(picture), '--beyond', '2e-5', '4e-4',
+                 '--rates', '12']) == 0
+    a = open_dataset(path).attrs
+    assert PAPER_BRACKET[0] < a['tangency_alpha'] < PAPER_BRACKET[1]
+    assert a['tangency_uncertainty'] < 1e-5
+    assert abs(a['law_alpha_c'] - a['tangency_alpha']) < 4.0 * a['law_alpha_c_error']
+    assert str(PAPER) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('words', 'named'), [
+    (['--alpha', '1.25', '1.23'], 'alpha window'),
+    (['--beyond', '1e-3', '1e-4'], '--beyond'),
+    (['--alpha', '1.0', '1.1'], 'periodic orbit'),
+])
+def test_bad_input_is_refused_in_one_line(words, named, capsys, tmp_path):
+    assert main([*words, '--output', str(tmp_path / 'c.zarr')]) == 2
+    error = capsys.readouterr().err
+    assert named in error and error.count('\n') == 1

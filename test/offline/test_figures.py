@@ -1,0 +1,118 @@
+"""Recipes, and the pictures and the page that they make."""
+
+import json
+
+from gear_rattle_ros.offline.figures import load_recipes, main, recipes_folder
+from gear_rattle_ros.offline.figures_style import equalise, in_pi, shade
+from matplotlib.image import imread
+import numpy as np
+import pytest
+
+PAPER = ['2', '3', '4', '5', '6', '7', '8a', '8b', '9a', '9b', '10', '11', '12']
+RECIPE = """
+figure: '{figure}'
+title: Small & quick
+paper: What it shows.
+known: From the text.
+command: {command}
+agrees: 'yes'
+finding: <none>
+"""
+COMMANDS = {
+    '1': 'section --alpha 0.57 --trajectories 8 --skip 500 --keep 1000 --bins 300 200 '
+         '--output {store} --picture {picture}',
+    '2a': 'orbit_diagram --alpha 1.2 1.25 --columns 300 --bins 400 --trajectories 1 --skip 100 '
+          '--keep 256 --sweep starts --draw velocity --output {store:2} --picture {picture}',
+    '2b': 'orbit_diagram --alpha 1.2 1.25 --columns 300 --bins 400 --trajectories 1 --skip 100 '
+          '--keep 256 --sweep starts --draw exponent --output {store:2} --picture {picture}',
+    '3': 'basins --alpha 0.48 --size 40 --output {store} --picture {picture}',
+}
+
+
+@pytest.fixture(scope='module')
+def drawn(tmp_path_factory):
+    """Figures of four small recipes."""
+    folder = tmp_path_factory.mktemp('figures')
+    recipes = folder / 'recipes'
+    recipes.mkdir()
+    for figure, command in COMMANDS.items():
+        (recipes / f'{figure}.yaml').write_text(RECIPE.format(figure=figure, command=command))
+    assert main(['--recipes', str(recipes), '--output', str(folder / 'out')]) == 0
+    return folder / 'out'
+
+
+def test_every_figure_of_the_paper_has_a_recipe():
+    recipes = load_recipes(recipes_folder())
+    assert list(recipes) == PAPER
+    for recipe in recipes.values():
+        assert recipe.paper and recipe.known and recipe.finding
+
+
+@pytest.mark.parametrize(('figure', 'size'), [
+    ('1', (420, 354)), ('2a', (1030, 530)), ('2b', (1030, None)), ('3', None)])
+def test_pictures_are_not_blank_and_have_their_size(drawn, figure, size):
+    picture = imread(drawn / f'figure-{figure}.png')[..., :3]
+    if size is not None:
+        assert picture.shape[1] == size[0]
+        assert size[1] is None or picture.shape[0] == size[1]
+    ink = np.mean(np.any(picture < 0.97, axis=2))
+    assert ink > 0.01
+    assert len(np.unique((picture * 255).astype(int).reshape(-1, 3), axis=0)) > 8
+
+
+def test_a_raster_has_a_pixel_for_each_alpha_and_bin(drawn):
+    from gear_rattle_ros.offline.store import Store
+    store = Store(drawn / 'data' / 'figure-2.zarr')
+    picture = imread(drawn / 'figure-2a.png')[..., :3]
+    # Inside of the axes: 300 columns three pixels wide, 400 bins one pixel high.
+    inside = picture[64:464, 100:1000]
+    counts = store.read_all('count')[0].sum(axis=1).T[::-1]
+    drawn_here = np.any(inside[:, 1::3] < 0.999, axis=2)
+    assert inside.shape == (400, 900, 3)
+    # Away from the frame; a bin widens by its neighbours.
+    assert np.all(drawn_here[4:-4, 4:-4][counts[4:-4, 4:-4] > 0])
+    assert np.mean(drawn_here[4:-4, 4:-4]) < 3.2 * np.mean(counts[4:-4, 4:-4] > 0)
+
+
+def test_the_page_shows_every_figure_with_its_command(drawn):
+    page = (drawn / 'index.html').read_text()
+    for figure in COMMANDS:
+        assert f'figure-{figure}.png' in page
+        record = json.loads((drawn / 'data' / f'figure-{figure}.json').read_text())
+        assert record['command'].startswith('ros2 run gear_rattle_ros ')
+    assert 'Small &amp; quick' in page and '&lt;none&gt;' in page
+
+
+def test_equalised_counts_use_all_shades_in_order():
+    counts = np.array([0, 5, 1, 1, 100, 0])
+    assert list(equalise(counts)) == [0.0, 0.75, 0.5, 0.5, 1.0, 0.0]
+    assert np.all(equalise(np.zeros(3)) == 0.0)
+
+
+def test_shades_grow_darker_evenly():
+    rgb = shade('#0a5a9c', np.linspace(0.0, 1.0, 11))
+    assert rgb[-1] == pytest.approx([10 / 255, 90 / 255, 156 / 255], abs=2e-3)
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055)**2.4)
+    lightness = np.cbrt(linear @ [0.2126, 0.7152, 0.0722])
+    steps = -np.diff(lightness)
+    assert np.all(steps > 0.0) and steps.max() / steps.min() < 1.4
+
+
+def test_ticks_are_in_pi():
+    assert [in_pi(k * np.pi / 2, 2) for k in range(-1, 5)] == [
+        '−π/2', '0', 'π/2', 'π', '3π/2', '2π']
+    assert in_pi(5 * np.pi / 4, 4) == '5π/4'
+
+
+@pytest.mark.parametrize(('words', 'named'), [
+    (['99'], 'no figure 99'), (['--recipes', '/nonexistent'], 'holds no recipes')])
+def test_bad_input_is_refused_in_one_line(words, named, capsys):
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert named in error and error.count('\n') == 1
+
+
+def test_a_recipe_that_is_not_whole_is_refused(tmp_path, capsys):
+    (tmp_path / 'x.yaml').write_text('figure: 3\n')
+    assert main(['--recipes', str(tmp_path)]) == 2
+    assert 'missing' in capsys.readouterr().err
