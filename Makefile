@@ -1,4 +1,4 @@
-# run, test, test-long, lint, bench, clean: each makes .venv first where it has to.
+# run, test, test-long, lint, bench, figures, clean: each makes .venv first where it has to.
 PYTHON ?= python3
 ARGS ?=
 VENV := .venv
@@ -33,7 +33,7 @@ except ImportError:
 endef
 export CHECK
 
-.PHONY: run test test-long lint bench clean
+.PHONY: run test test-long lint bench figures clean
 .DELETE_ON_ERROR:
 
 run: $(VENV)/run.stamp
@@ -59,6 +59,9 @@ lint: $(VENV)/test.stamp
 bench: $(VENV)/test.stamp
 	@set -e; for script in $(sort $(wildcard benchmark/*.py)); do \
 		echo "== $$script"; $(BIN)/python $$script; done
+
+figures: $(VENV)/run.stamp
+	$(BIN)/figures $(ARGS)
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info .mypy_cache .pytest_cache .ruff_cache \

@@ -121,7 +121,7 @@ def follow(orbit: PeriodicOrbit, direction: float, low: float, high: float, *,
     ahead[-1] = direction
     tangent = _tangent(here, ahead)
     orbits, turns = [orbit], []
-    step = FIRST_STEP
+    step = min(FIRST_STEP, longest)
     while len(orbits) < most:
         reached = _correct(here, tangent, step)
         if reached is None:

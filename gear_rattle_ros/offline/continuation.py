@@ -36,6 +36,7 @@ ORBIT: Final = KINDS.index('orbit')
 # Doublings followed of each orbit, and the longest period [impacts].
 DOUBLINGS: Final = 6
 LONGEST: Final = 256
+FEIGENBAUM: Final = 4.669
 # Sizes tried for the orbit just beyond a doubling, and how far beyond it, in alpha [1].
 AMPLITUDES: Final = (1e-3, 3e-3, 1e-2, 3e-2)
 BEYOND: Final = 2e-5
@@ -215,18 +216,20 @@ def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float) ->
 
     """
     events: list[Event] = []
-    step = BEYOND
+    step, longest = BEYOND, 0.02
     for _ in range(DOUBLINGS):
         doubled = _doubled(orbit, direction * step)
         if doubled is None or doubled.period_impacts > LONGEST:
             break
         alpha = doubled.parameters.alpha
         branch = follow(doubled, direction, alpha - 0.1, alpha + 0.1, tolerance=tolerance,
-                        longest=10.0 * step, past_doublings=False)
+                        longest=longest, past_doublings=False)
         if not branch.turns or branch.turns[0].change is not Change.DOUBLING:
             break
         events.append(_event(n, branch.turns[0]))
-        step = max(0.02 * abs(events[-1].alpha - orbit.parameters.alpha), 1e-9)
+        # The next one is nearer by Feigenbaum's number; velocities part as the square root.
+        gap = abs(events[-1].alpha - orbit.parameters.alpha) / FEIGENBAUM
+        step, longest = max(0.02 * gap, 1e-9), 0.1 * math.sqrt(gap)
         orbit = branch.turns[0].orbit
     return events
 

@@ -32,7 +32,7 @@ def draw_law(store: Store) -> Figure:
     some = rates > 0.0
     beyond = alphas - a['tangency_alpha']
     figure = new_figure(WIDTH, HEIGHT)
-    axes = add_axes(figure, 110, 80, WIDTH - 150, HEIGHT - 150)
+    axes = add_axes(figure, 130, 80, WIDTH - 170, HEIGHT - 150)
     axes.errorbar(beyond[some], 1.0 / rates[some], yerr=(errors / rates**2)[some], fmt='o',
                   color=hue(0), markersize=5, capsize=3, label='mean lifetime from escapes over '
                   'impacts at risk, ± standard error')
@@ -53,7 +53,7 @@ def draw_law(store: Store) -> Figure:
     axes.grid(which='both', color='#e8e8e8', linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(loc='lower left', fontsize=10, framealpha=0.95)
-    figure.text(0.12, 0.955, 'Lifetimes diverge at the boundary crisis', fontsize=13)
-    figure.text(0.12, 0.915, f'the paper prints alpha_c = {PAPER}, which lies '
+    figure.text(0.144, 0.955, 'Lifetimes diverge at the boundary crisis', fontsize=13)
+    figure.text(0.144, 0.915, f'the paper prints alpha_c = {PAPER}, which lies '
                 f'{a["tangency_alpha"] - PAPER:.4f} below', fontsize=10, color=GREY)
     return figure

@@ -114,8 +114,8 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
         # In steps of a tenth: what differs by rounding has one shade.
         with np.errstate(divide='ignore'):
             level = np.log(own / np.maximum(1.0, own.sum(axis=1, keepdims=True)))
-        share = equalise(np.exp(np.round(10.0 * level) / 10.0)).T
-        halo = HALO * share
+        share = np.transpose(equalise(np.exp(np.round(10.0 * level) / 10.0)))
+        halo = HALO * share.copy()
         share[1:] = np.maximum(share[1:], halo[:-1])
         share[:-1] = np.maximum(share[:-1], halo[1:])
         above = share > strength

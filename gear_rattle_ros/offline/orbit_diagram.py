@@ -5,7 +5,6 @@ import dataclasses
 import functools
 import math
 from pathlib import Path
-import sys
 from typing import Any, Final
 
 import numpy as np
@@ -416,6 +415,8 @@ def _run(arguments: list[str] | None) -> int:
                         help=f'at each alpha; {LANES} by default')
     parser.add_argument('--sweep', nargs='+', choices=SWEEPS, default=list(SWEEPS),
                         help='many starts at each alpha, or followed up and down; all by default')
+    parser.add_argument('--draw', choices=('velocity', 'exponent', 'both'), default='both',
+                        help='what the picture shows; both by default')
     add_plane(parser, size=None)
     add_seed(parser)
     add_run(parser)
@@ -423,7 +424,8 @@ def _run(arguments: list[str] | None) -> int:
     diagram = Diagram(
         model_of(argparse.Namespace(**{k: v for k, v in vars(given).items() if k != 'alpha'})),
         (given.alpha[0], given.alpha[1]), given.columns, plane_of(given), given.trajectories,
-        given.seed, Window(given.skip, given.keep, *given.bin_window, given.bins),
+        given.seed, Window(given.skip, given.keep, given.bin_window[0], given.bin_window[1],
+                           given.bins),
         tuple(sweep for sweep in SWEEPS if sweep in given.sweep))
     run = run_of(parser, given, arguments, 'orbit_diagram.zarr')
     store, complete = compute(diagram, run)
@@ -434,6 +436,7 @@ def _run(arguments: list[str] | None) -> int:
         # Only here: matplotlib takes a second to import.
         from .figures_diagrams import draw_diagram
         from .figures_style import save
-        save(draw_diagram(store), run.picture)
-        print(f'orbit_diagram: {run.picture}', file=sys.stdout)
+        save(draw_diagram(store, exponent=given.draw != 'velocity',
+                          raster=given.draw != 'exponent'), run.picture)
+        print(f'orbit_diagram: {run.picture}')
     return 0

@@ -1,0 +1,295 @@
+"""
+The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
+
+A recipe is a YAML file: the figure's name and title, what the paper's figure shows and how far
+that is known, the command that makes ours, and what was found. The command is one of the offline
+tools; it runs in this process, and what it prints is kept for the page.
+"""
+
+import contextlib
+import dataclasses
+import html
+import importlib
+import io
+import json
+import os
+from pathlib import Path
+import re
+import shlex
+import sys
+import time
+from typing import Any, Final
+
+import yaml
+
+from .cli import attempt, INTERRUPTED, PACKAGE, Parser
+from .store import versions
+
+FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
+AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',
+                 'unknown': 'cannot be compared'}
+# Tools whose commands a recipe may give.
+TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'orbit_diagram', 'section')
+# What each figure's run has left beside its picture.
+RECORD: Final = '.json'
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """
+    How a figure is made, and what it is compared with.
+
+    Attributes
+    ----------
+    figure : str
+        Its number in the paper.
+    title : str
+        What it is.
+    paper : str
+        What the paper's figure shows, in our words.
+    known : str
+        How far that is known to us.
+    command : tuple of str
+        Tool and options; {store} and {picture} stand for what it writes.
+    agrees : str
+        yes, partly, no or unknown.
+    finding : str
+        What was found.
+
+    """
+
+    figure: str
+    title: str
+    paper: str
+    known: str
+    command: tuple[str, ...]
+    agrees: str
+    finding: str
+
+    def words(self, folder: Path) -> list[str]:
+        """
+        Fill in the command.
+
+        Parameters
+        ----------
+        folder : Path
+            Where pictures and stores go.
+
+        Returns
+        -------
+        list of str
+            Tool and options; it goes on with what it finds.
+
+        """
+        def fill(word: str) -> str:
+            named = re.fullmatch(r'\{store(?::(\w+))?\}', word)
+            if named:
+                return str(folder / 'data' / f'figure-{named[1] or self.figure}.zarr')
+            return str(folder / f'figure-{self.figure}.png') if word == '{picture}' else word
+
+        return [*(fill(word) for word in self.command), '--resume']
+
+
+def load_recipes(folder: Path) -> dict[str, Recipe]:
+    """
+    Read all recipes.
+
+    Parameters
+    ----------
+    folder : Path
+        Of YAML files.
+
+    Returns
+    -------
+    dict
+        By figure, in the order of the paper.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or one is not whole.
+
+    """
+    recipes = [_recipe(path) for path in sorted(folder.glob('*.yaml'))]
+    if not recipes:
+        raise ValueError(f'{folder} holds no recipes; name their folder with --recipes')
+    recipes.sort(key=lambda recipe: (int(re.sub(r'\D', '', recipe.figure) or 0), recipe.figure))
+    return {recipe.figure: recipe for recipe in recipes}
+
+
+def _recipe(path: Path) -> Recipe:
+    try:
+        content: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except yaml.YAMLError as error:
+        raise ValueError(f'{path} is no YAML: {" ".join(str(error).split())}') from error
+    missing = [name for name in FIELDS if not isinstance(content, dict) or name not in content]
+    if missing:
+        raise ValueError(f'{path}: {", ".join(missing)} missing')
+    values = {name: ' '.join(str(content[name]).split()) for name in FIELDS}
+    command = tuple(shlex.split(values.pop('command')))
+    if values['agrees'] not in AGREES:
+        raise ValueError(f'{path}: agrees = {values["agrees"]!r} is none of {", ".join(AGREES)}')
+    if not command or command[0] not in TOOLS:
+        raise ValueError(f'{path}: the command begins with none of {", ".join(TOOLS)}')
+    for word in ('{picture}', '--picture', '--output'):
+        if word not in command:
+            raise ValueError(f'{path}: the command lacks {word}')
+    return Recipe(command=command, **values)
+
+
+def recipes_folder() -> Path:
+    """
+    Find the recipes that belong to this package.
+
+    Returns
+    -------
+    Path
+        In the checkout, else where the package is installed.
+
+    """
+    prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
+    places = [Path(__file__).parents[2] / 'config' / 'figures',
+              *(Path(p) / 'share' / PACKAGE / 'config' / 'figures' for p in prefixes if p)]
+    return next((place for place in places if place.is_dir()), places[0])
+
+
+def make(recipe: Recipe, folder: Path) -> int:
+    """
+    Make a figure.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        The recipe.
+    folder : Path
+        Where pictures and stores go.
+
+    Returns
+    -------
+    int
+        Exit status of the tool.
+
+    """
+    (folder / 'data').mkdir(parents=True, exist_ok=True)
+    words = recipe.words(folder)
+    tool = importlib.import_module(f'.{words[0]}', __package__)
+    printed = io.StringIO()
+    begin = time.monotonic()
+    with contextlib.redirect_stdout(printed):
+        status = int(tool.main(words[1:]) or 0)
+    if status == 0:
+        record = {'command': shlex.join(['ros2', 'run', PACKAGE, *words]),
+                  'printed': printed.getvalue(), 'seconds': round(time.monotonic() - begin, 1),
+                  'versions': versions()}
+        _record(recipe, folder).write_text(json.dumps(record, indent=1), encoding='utf-8')
+    return status
+
+
+def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
+    """
+    Write the page that shows all figures made so far and compares them with the paper's.
+
+    Parameters
+    ----------
+    recipes : dict
+        All recipes.
+    folder : Path
+        Where the figures are.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    """
+    parts = []
+    for recipe in recipes.values():
+        picture = folder / f'figure-{recipe.figure}.png'
+        if not _record(recipe, folder).exists() or not picture.exists():
+            continue
+        record = json.loads(_record(recipe, folder).read_text(encoding='utf-8'))
+        e = html.escape
+        parts.append(
+            f'<section id="f{e(recipe.figure)}">'
+            f'<h2>Figure {e(recipe.figure)}: {e(recipe.title)} '
+            f'<span class="{e(recipe.agrees)}">{AGREES[recipe.agrees]}</span></h2>\n'
+            f'<img src="{e(picture.name)}" alt="{e(recipe.title)}">\n'
+            f'<p><b>The paper.</b> {e(recipe.paper)} <i>{e(recipe.known)}</i></p>\n'
+            f'<p><b>Ours.</b> {e(recipe.finding)}</p>\n'
+            f'<pre>{e(record["command"])}</pre>\n'
+            f'<details open><summary>numbers; {record["seconds"]} s</summary>'
+            f'<pre>{e(record["printed"].strip())}</pre></details></section>')
+    page = folder / 'index.html'
+    page.write_text(PAGE.replace('@', '\n'.join(parts)), encoding='utf-8')
+    return page
+
+
+PAGE: Final = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>Figures of de Souza &amp; Caldas, redrawn</title>
+<style>
+body { font: 16px/1.5 sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
+       color: #222; background: #fff }
+img { max-width: 100%; border: 1px solid #ddd }
+pre { background: #f4f4f4; padding: .6rem; overflow-x: auto; font-size: .8rem }
+h2 { margin-top: 3rem }
+h2 span { font-size: .8rem; padding: .15rem .5rem; border-radius: .6rem; color: #fff }
+.yes { background: #04724d } .partly { background: #8a6100 } .no { background: #a8200d }
+.unknown { background: #606060 }
+</style>
+<h1>Figures of de Souza &amp; Caldas (2001), redrawn</h1>
+<p>Basins of attraction and transient chaos in a gear-rattling model, Journal of Vibration and
+Control 7. Of each figure: what the paper's shows, in our own words and as far as it is known to
+us; what is found here; the command that makes ours and the numbers it prints. The displacement
+of the plane of initial conditions, which the text of the paper does not state, is s = 0 here.</p>
+@
+</html>
+"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Run the command `figures [NUMBER ...]`.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status.
+
+    """
+    return attempt('figures', lambda: _run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
+    parser = Parser('figures', description='Redraw the figures of de Souza & Caldas, with a page '
+                    'that compares them.')
+    parser.add_argument('figures', nargs='*', metavar='NUMBER', help='such as 3 or 8a; all by '
+                        'default')
+    parser.add_argument('--output', type=Path, default=Path('figures'), metavar='DIR',
+                        help='folder of pictures, data and index.html; figures by default')
+    parser.add_argument('--recipes', type=Path, metavar='DIR',
+                        help='folder of recipes; those of the package by default')
+    given = parser.parse_args(arguments)
+    recipes = load_recipes(given.recipes or recipes_folder())
+    chosen = given.figures or list(recipes)
+    for name in chosen:
+        if name not in recipes:
+            raise ValueError(f'no figure {name}; there are {", ".join(recipes)}')
+    for name in chosen:
+        print(f'figures: {name}, {recipes[name].title} ...', flush=True)
+        try:
+            status = make(recipes[name], given.output)
+        except KeyboardInterrupt:
+            status = INTERRUPTED
+        if status:
+            return status
+    print(f'figures: {write_index(recipes, given.output)}')
+    return 0
+
+
+def _record(recipe: Recipe, folder: Path) -> Path:
+    return folder / 'data' / f'figure-{recipe.figure}{RECORD}'

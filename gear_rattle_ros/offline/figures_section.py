@@ -1,0 +1,63 @@
+"""Pictures of the section: impacts in phase and velocity."""
+
+import math
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+import numpy as np
+
+from .figures_style import add_axes, equalise, GREY, hue, new_figure, phase_ticks, shade
+from .store import Store
+
+LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
+
+
+def draw_section(store: Store) -> Figure:
+    """
+    Draw impacts counted on the section, and the periodic orbits that were reached.
+
+    Parameters
+    ----------
+    store : Store
+        Made by `section`.
+
+    Returns
+    -------
+    Figure
+        A pixel for each bin.
+
+    """
+    a = store.attributes
+    counts = store.read_all('count').astype(np.float64)
+    width, height = counts.shape[2], counts.shape[1]
+    figure = new_figure(LEFT + width + RIGHT, BOTTOM + height + TOP)
+    axes = add_axes(figure, LEFT, BOTTOM, width, height)
+    wandering = counts[1]
+    picture = np.ones((height, width, 3))
+    some = wandering > 0.0
+    picture[some] = shade(hue(0), equalise(wandering))[some]
+    low, high = a['velocity_window']
+    axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
+                extent=(0.0, 2.0 * math.pi, low, high))
+    axes.scatter(store.read_all('orbit_phase'), store.read_all('orbit_velocity'), s=42,
+                 color=hue(1), edgecolors='white', linewidths=0.8, zorder=3)
+    axes.axhline(0.0, color=GREY, linewidth=0.6)
+    axes.text(0.01, 0.985, 'upper wall', transform=axes.transAxes, va='top', color=GREY)
+    axes.text(0.01, 0.015, 'lower wall', transform=axes.transAxes, color=GREY)
+    axes.set_ylabel("velocity before impact, s' [1]", fontsize=12)
+    phase_ticks(axes, (0.0, 2.0 * math.pi))
+    handles = []
+    if some.any():
+        handles.append(Line2D([], [], marker='s', linestyle='none', color=hue(0),
+                              label='trajectories that do not recur (darker: more impacts)'))
+    if len(store.read_all('orbit_phase')):
+        handles.append(Line2D([], [], marker='o', linestyle='none', color=hue(1),
+                              label='periodic orbits that were reached'))
+    total = BOTTOM + height + TOP
+    figure.text(LEFT / (LEFT + width + RIGHT), 1.0 - 12 / total,
+                f'alpha {a["alpha"]:g}: {a["trajectories"]} trajectories, impacts '
+                f'{a["impacts_skipped"]:,} to {a["impacts_skipped"] + a["impacts_counted"]:,}',
+                va='top', fontsize=13)
+    axes.legend(handles=handles, loc='lower left', bbox_to_anchor=(-0.01, 1.0), ncols=2,
+                frameon=False, fontsize=10, handletextpad=0.2)
+    return figure

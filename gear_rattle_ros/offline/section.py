@@ -1,0 +1,225 @@
+"""Impacts counted on the section (phase, velocity): attractors and chaotic transients."""
+
+import dataclasses
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ..core.closed_orbits import PeriodicOrbit, same_orbit
+from ..core.model import Parameters
+from ..core.periodic import record_impacts
+from .cli import (
+    add_model,
+    add_plane,
+    add_run,
+    add_seed,
+    attempt,
+    INTERRUPTED,
+    model_of,
+    number,
+    Parser,
+    plane_of,
+    Run,
+    run_of,
+    whole,
+)
+from .ensembles import orbit_of, SAME
+from .grid import Plane, TWO_PI
+from .store import Axis, Layout, make_store, Store, Variable
+
+# Trajectories followed at once.
+BATCH: Final = 64
+# What recurs is looked for in so many of the last impacts.
+LAST: Final = 256
+SETTLED, WANDERING = 0, 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """
+    What is counted.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        The parameters.
+    plane : Plane
+        Where starts are drawn from.
+    trajectories, seed : int
+        How many, and of which seed.
+    skip, keep : int
+        Impacts passed over, then counted.
+    velocity : tuple of float
+        Window of the velocity [1].
+    phases, velocities : int
+        Bins.
+
+    Raises
+    ------
+    ValueError
+        If a window is empty or nothing is counted.
+
+    """
+
+    parameters: Parameters
+    plane: Plane
+    trajectories: int
+    seed: int
+    skip: int
+    keep: int
+    velocity: tuple[float, float]
+    phases: int
+    velocities: int
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        if not self.velocity[0] < self.velocity[1]:
+            raise ValueError(f'velocity window {self.velocity[0]:g} to {self.velocity[1]:g} is '
+                             'empty or reversed; give the lower end first')
+        if self.keep < LAST:
+            raise ValueError(f'impacts to keep {self.keep} must be at least {LAST}')
+
+
+def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
+    """
+    Count impacts.
+
+    Parameters
+    ----------
+    section : Section
+        What is counted.
+    run : Run
+        Where to.
+
+    Returns
+    -------
+    store : Store
+        Its store.
+    words : list of str
+        What was seen.
+
+    """
+    store = make_store(run.output, _layout(section), run.command, resume=run.resume)
+    if not store.pending():
+        return store, list(store.attributes['seen'])
+    progress = run.progress(section.trajectories)
+    starts = section.plane.random_starts(section.parameters, section.trajectories, section.seed)
+    counts = np.zeros((2, section.velocities, section.phases))
+    orbits: list[PeriodicOrbit] = []
+    members: list[int] = []
+    points: list[npt.NDArray[np.float64]] = []
+    for first in range(0, len(starts), BATCH):
+        rows, made = record_impacts(starts[first:first + BATCH], section.skip, section.keep)
+        for row, count in zip(rows, made, strict=True):
+            impacts = row[:count]
+            orbit = orbit_of(impacts[-LAST:], section.parameters) if count >= LAST else None
+            if orbit is not None:
+                _enter(orbits, members, orbit)
+                points.append(orbit.points)
+            counts[WANDERING if orbit is None else SETTLED] += np.histogram2d(
+                impacts['velocity'] if orbit is None else orbit.points[:, 1],
+                impacts['phase'] if orbit is None else orbit.points[:, 0],
+                (section.velocities, section.phases), (section.velocity, (0.0, TWO_PI)))[0]
+        progress.add(len(rows), int(made.sum()) + len(rows) * section.skip)
+    progress.end()
+    for kind in (SETTLED, WANDERING):
+        store.write(kind, {'count': counts[kind][None].astype(np.uint32)})
+        store.mark(kind)
+    words = [f'{section.trajectories - sum(members)} of {section.trajectories} trajectories do '
+             f'not recur after {section.skip + section.keep:,} impacts']
+    words += [f'{n} are on an orbit of {o.period_impacts} impacts in {o.period_drive} drive '
+              f'periods, largest multiplier {abs(o.multipliers[0]):.4f}'
+              for o, n in zip(orbits, members, strict=True)]
+    found = np.concatenate(points) if points else np.zeros((0, 2))
+    found = np.unique(np.round(found, 9), axis=0)
+    store.write_table({
+        'orbit_phase': (('point',), found[:, 0], {
+            'long_name': 'phase of the impacts of periodic orbits', 'units': 'rad'}),
+        'orbit_velocity': (('point',), found[:, 1], {
+            'long_name': 'velocity just before them', 'units': '1'})})
+    store.set_attributes({'seen': words})
+    return store, words
+
+
+def _enter(orbits: list[PeriodicOrbit], members: list[int], orbit: PeriodicOrbit) -> None:
+    for k, known in enumerate(orbits):
+        if same_orbit(known, orbit, SAME):
+            members[k] += 1
+            return
+    orbits.append(orbit)
+    members.append(1)
+
+
+def _layout(section: Section) -> Layout:
+    edges = np.linspace(*section.velocity, section.velocities + 1)
+    phases = (np.arange(section.phases) + 0.5) * TWO_PI / section.phases
+    identity = {
+        'tool': 'section', **dataclasses.asdict(section.parameters),
+        'trajectories': section.trajectories, 'seed': section.seed,
+        'displacement': section.plane.displacement, 'phase_window': list(section.plane.phase),
+        'start_velocity_window': list(section.plane.velocity), 'impacts_skipped': section.skip,
+        'impacts_counted': section.keep, 'velocity_window': list(section.velocity),
+        'bins': [section.phases, section.velocities]}
+    return Layout(
+        (Axis('kind', np.array(['settled', 'wandering']), {
+            'long_name': 'on a periodic orbit at the end, or not'}, 1),
+         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), {
+             'long_name': 'velocity before the impact', 'units': '1'}),
+         Axis('phase', phases, {'long_name': 'drive phase', 'units': 'rad'})),
+        (Variable('count', ('kind', 'velocity', 'phase'), '<u4', {
+            'long_name': 'impacts counted', 'units': '1'}),), identity)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Run the command `section`.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status.
+
+    """
+    return attempt('section', lambda: _run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
+    parser = Parser('section', description='Count impacts on the section of phase and velocity.')
+    add_model(parser, alpha=1.23)
+    parser.add_argument('--trajectories', type=whole(1), default=64, metavar='N',
+                        help='random starts; 64 by default')
+    parser.add_argument('--skip', type=whole(0), default=1000, metavar='N',
+                        help='impacts passed over; 1000 by default')
+    parser.add_argument('--keep', type=whole(LAST), default=20_000, metavar='N',
+                        help='impacts counted then; 20000 by default')
+    parser.add_argument('--bins', type=whole(1), nargs=2, default=[720, 540], metavar=('N', 'M'),
+                        help='along phase and velocity; 720 540 by default')
+    parser.add_argument('--bin-window', type=number, nargs=2, default=[-2.0, 2.0],
+                        metavar=('A', 'B'), help='velocities counted [1]; -2 2 by default')
+    add_plane(parser, size=None)
+    add_seed(parser)
+    add_run(parser)
+    given = parser.parse_args(arguments)
+    section = Section(model_of(given), plane_of(given), given.trajectories, given.seed,
+                      given.skip, given.keep, (given.bin_window[0], given.bin_window[1]),
+                      *given.bins)
+    run = run_of(parser, given, arguments, f'section-{section.parameters.alpha:g}.zarr')
+    try:
+        store, words = compute(section, run)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    print('\n'.join(words))
+    print(f'section: {run.output}')
+    if run.picture is not None:
+        # Only here: matplotlib takes a second to import.
+        from .figures_section import draw_section
+        from .figures_style import save
+        save(draw_section(store), run.picture)
+        print(f'section: {run.picture}')
+    return 0
