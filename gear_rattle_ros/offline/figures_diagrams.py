@@ -109,13 +109,13 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
     picture = np.ones((bins, len(alphas), 3))
     strength = np.zeros((bins, len(alphas)))
     for number in np.unique(numbers[numbers >= 0]):
-        own = np.sum(counts * (numbers == number)[:, :, None], axis=1, dtype=np.float64)
+        own = np.asarray(np.sum(counts * (numbers == number)[:, :, None], axis=1), np.float64)
         own = own[:, :bins * merged].reshape(len(alphas), bins, merged).sum(axis=2)
         # In steps of a tenth: what differs by rounding has one shade.
         with np.errstate(divide='ignore'):
             level = np.log(own / np.maximum(1.0, own.sum(axis=1, keepdims=True)))
-        share = np.transpose(equalise(np.exp(np.round(10.0 * level) / 10.0)))
-        halo = HALO * share.copy()
+        share = equalise(np.exp(np.round(10.0 * level) / 10.0)).T
+        halo = HALO * share
         share[1:] = np.maximum(share[1:], halo[:-1])
         share[:-1] = np.maximum(share[:-1], halo[1:])
         above = share > strength
