@@ -40,7 +40,7 @@ run: $(VENV)/run.stamp
 	@$(BIN)/python -S tools/foreground.py $(BIN)/suite $(ARGS)
 
 test: $(VENV)/test.stamp
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 
 test-long: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -m long $(ARGS)

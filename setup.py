@@ -1,13 +1,12 @@
 """Build gear_rattle_ros: the same executables with colcon and with plain pip."""
 
+# After setuptools, which brings its own copy where Python has none any more.
+from distutils.command.install_data import install_data  # noqa: I100
 from pathlib import Path
 import runpy
 import xml.etree.ElementTree as ElementTree
 
 from setuptools import Distribution, find_packages, setup
-
-# After setuptools, which brings its own copy where Python has none any more.
-from distutils.command.install_data import install_data  # noqa: I100
 
 PACKAGE = 'gear_rattle_ros'
 
@@ -113,6 +112,7 @@ setup(
             'import-linter',
             'mpmath',
             'pytest',
+            'pytest-xdist',
             'rosbags',
             'scipy',
             'setuptools>=70.1,<80',

@@ -47,7 +47,9 @@ class NodeProcess:
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch) -> int:
     """Return a ROS domain of the test's own, on this machine only."""
-    number = 1 + (os.getpid() + 7 * next(_DOMAINS)) % 101
+    # Workers of pytest-xdist take every other one.
+    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2
+    number = 1 + worker + 2 * ((os.getpid() + 7 * next(_DOMAINS)) % 50)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(number))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_PYTHON_CHECK_FIELDS', '1')

@@ -6,9 +6,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.closed_orbits import PeriodicOrbit, same_orbit
-from ..core.model import Parameters
-from ..core.periodic import record_impacts
 from .cli import (
     add_model,
     add_plane,
@@ -27,6 +24,9 @@ from .cli import (
 from .ensembles import orbit_of, SAME
 from .grid import Plane, TWO_PI
 from .store import Axis, Layout, make_store, Store, Variable
+from ..core.closed_orbits import PeriodicOrbit, same_orbit
+from ..core.model import Parameters
+from ..core.periodic import record_impacts
 
 # Trajectories followed at once.
 BATCH: Final = 64

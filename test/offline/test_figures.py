@@ -2,11 +2,12 @@
 
 import json
 
-from gear_rattle_ros.offline.figures import load_recipes, main, recipes_folder
-from gear_rattle_ros.offline.figures_style import equalise, in_pi, shade
 from matplotlib.image import imread
 import numpy as np
 import pytest
+
+from gear_rattle_ros.offline.figures import load_recipes, main, recipes_folder
+from gear_rattle_ros.offline.figures_style import equalise, in_pi, shade
 
 PAPER = ['2', '3', '4', '5', '6', '7', '8a', '8b', '9a', '9b', '10', '11', '12']
 RECIPE = """

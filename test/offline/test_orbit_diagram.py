@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits import Regime, TransientDetector
@@ -10,8 +13,6 @@ from gear_rattle_ros.offline.ensembles import Kind, run_ensemble, settle, Window
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.orbit_diagram import main
 from gear_rattle_ros.offline.store import open_dataset, Store
-import numpy as np
-import pytest
 
 SMALL = ['--alpha', '0.48', '0.5', '--columns', '3', '--bins', '600', '--trajectories', '24',
          '--skip', '3000', '--keep', '512']
