@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import CLOSED, fire, FloatArray, orbit_at, PeriodicOrbit
+from .closed_orbits import CLOSED, fire, FloatArray, orbit_at, PeriodicOrbit, solve_ring
 from .model import ALPHA_MAXIMUM, Parameters
 
 FIRST_STEP: Final = 2e-3
@@ -149,12 +149,17 @@ def follow(orbit: PeriodicOrbit, direction: float, low: float, high: float, *,
 def _tangent(point: _Point, ahead: FloatArray) -> FloatArray:
     shot = fire(point.walls, point.x, point.parameters)
     assert shot is not None
-    tangent = np.linalg.svd(shot.jacobian)[2][-1]
-    return np.asarray(tangent if tangent @ ahead >= 0.0 else -tangent)
+    try:
+        tangent = solve_ring(shot, np.zeros(len(ahead) - 1), ahead, 1.0)
+    except np.linalg.LinAlgError:
+        # The first direction may lie across the branch.
+        tangent = np.linalg.svd(shot.jacobian)[2][-1]
+        tangent = tangent if tangent @ ahead >= 0.0 else -tangent
+    return np.asarray(tangent / np.linalg.norm(tangent))
 
 
 def _correct(point: _Point, tangent: FloatArray, step: float) -> _Point | None:
-    # Back to the branch by the pseudo-inverse: the shortest way.
+    # Back to the branch at right angles to the step; regular at a fold too (Keller 1977).
     predicted = point.vector + step * tangent
     vector = predicted
     for _ in range(CORRECTIONS):
@@ -162,7 +167,10 @@ def _correct(point: _Point, tangent: FloatArray, step: float) -> _Point | None:
         shot = None if moved is None else fire(moved.walls, moved.x, moved.parameters)
         if shot is None:
             return None
-        change = np.linalg.pinv(shot.jacobian) @ shot.defects
+        try:
+            change = solve_ring(shot, shot.defects, tangent, 0.0)
+        except np.linalg.LinAlgError:
+            return None
         vector = vector - change
         if np.max(np.abs(vector - predicted)) > STRAY * step + 1e3 * CLOSED:
             return None

@@ -81,7 +81,7 @@ class Shot:
 
     @property
     def derivative(self) -> FloatArray:
-        """Return the derivative of the whole round, shape (2, 2)."""
+        """Derivative of the whole round, shape (2, 2)."""
         q = len(self.defects) // 2
         product = np.eye(2)
         for k in range(q):
@@ -138,11 +138,16 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
     """
     walls = np.ascontiguousarray(walls, np.int64)
     x = np.array(points, np.float64).reshape(len(walls), 2)
+    at_alpha = np.zeros(2 * len(walls) + 1)
+    at_alpha[-1] = 1.0
     for _ in range(NEWTON_STEPS):
         shot = fire(walls, x, parameters)
         if shot is None:
             return None
-        step = np.linalg.pinv(shot.jacobian[:, :-1]) @ shot.defects
+        try:
+            step = solve_ring(shot, shot.defects, at_alpha, 0.0)[:-1]
+        except np.linalg.LinAlgError:
+            return None
         if np.max(np.abs(step)) > LONGEST_STEP:
             return None
         x = x - step.reshape(x.shape)
@@ -162,6 +167,53 @@ def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
             if np.max(apart) < REPEATS:
                 return p
     return q
+
+
+def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -> FloatArray:
+    """
+    Solve ``jacobian z = defects`` with one more equation, ``row z = right``.
+
+    Every impact depends on the one before alone, so all are expressed by the first: what is left
+    are three equations, however long the orbit is.
+
+    Parameters
+    ----------
+    shot : Shot
+        With its derivatives.
+    defects : ndarray of float, shape (2 q,)
+        The right-hand side.
+    row : ndarray of float, shape (2 q + 1,)
+        The equation that is added.
+    right : float
+        Its right-hand side.
+
+    Returns
+    -------
+    ndarray of float, shape (2 q + 1,)
+        The solution: changes of the points, and of alpha.
+
+    Raises
+    ------
+    LinAlgError
+        If there is none, or more than one.
+
+    """
+    q = len(defects) // 2
+    # Impact k is carried[k] times (first phase, first velocity, alpha, 1).
+    carried = np.zeros((q + 1, 2, 4))
+    carried[0, 0, 0] = carried[0, 1, 1] = 1.0
+    for k in range(q):
+        block = shot.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2]
+        carried[k + 1] = (block + np.eye(2) if q == 1 else block) @ carried[k]
+        carried[k + 1, :, 2] += shot.jacobian[2 * k:2 * k + 2, -1]
+        carried[k + 1, :, 3] -= defects[2 * k:2 * k + 2]
+    system = np.zeros((3, 4))
+    system[:2] = carried[q] - carried[0]
+    system[2] = np.einsum('i,ij->j', row[:-1], carried[:q].reshape(2 * q, 4))
+    system[2, 2] += row[-1]
+    system[2, 3] -= right
+    first = np.linalg.solve(system[:, :3], -system[:, 3])
+    return np.append(carried[:q].reshape(2 * q, 4) @ np.append(first, 1.0), first[2])
 
 
 def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,

@@ -9,6 +9,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from ..core.branches import Change, follow, Turn
+from ..core.closed_orbits import close_orbit, double, PeriodicOrbit
+from ..core.lanes_step import LANES
 from .cli import (
     add_model,
     add_plane,
@@ -27,9 +30,6 @@ from .ensembles import Followers, run_ensemble, settle, Settled, Window
 from .orbit_diagram import compute, Diagram, KINDS
 from .store import Store
 from .tracks import spread
-from ..core.branches import Change, follow, Turn
-from ..core.closed_orbits import close_orbit, double, PeriodicOrbit
-from ..core.lanes_step import LANES
 
 FloatArray = npt.NDArray[np.float64]
 ORBIT: Final = KINDS.index('orbit')
@@ -194,7 +194,8 @@ def _event(n: int, turn: Turn) -> Event:
                  orbit.period_drive, complex(nearest))
 
 
-def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float) -> list[Event]:
+def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float,
+            doublings: int = DOUBLINGS) -> list[Event]:
     """
     Follow a cascade of doublings.
 
@@ -208,6 +209,8 @@ def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float) ->
         Sign of the step in alpha beyond which the doubled orbit is stable.
     tolerance : float
         In alpha [1].
+    doublings : int
+        How many are followed at the most.
 
     Returns
     -------
@@ -217,7 +220,7 @@ def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float) ->
     """
     events: list[Event] = []
     step, longest = BEYOND, 0.02
-    for _ in range(DOUBLINGS):
+    for _ in range(doublings):
         doubled = _doubled(orbit, direction * step)
         if doubled is None or doubled.period_impacts > LONGEST:
             break

