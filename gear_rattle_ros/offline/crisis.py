@@ -107,7 +107,7 @@ def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
 
     """
     beyond = np.geomspace(nearest, farthest, count)
-    return tuple(float(round(tangency.alpha + d, 10)) for d in (-2.0 * nearest, *beyond))
+    return tuple(float(round(tangency.alpha + d, 9)) for d in (-2.0 * nearest, *beyond))
 
 
 def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:

@@ -66,7 +66,7 @@ class Boundary:
 
     @property
     def directions(self) -> Saddle:
-        """Return the saddle with its directions."""
+        """The saddle with its directions."""
         return saddle_of(self.saddle, self.captor)
 
 
@@ -252,10 +252,11 @@ def radius_of(boundary: Boundary) -> float:
     Returns
     -------
     float
-        A tenth of the way from the captor to the saddle, at their nearest points [rad, 1].
+        A tenth of the way from the captor to the saddle, at their nearest points [rad, 1];
+        rounded, so that it is the same on every machine.
 
     """
     apart = boundary.captor.points[:, None] - boundary.saddle.points[None]
     apart[..., 0] -= TWO_PI * np.round(apart[..., 0] / TWO_PI)
     same = boundary.captor.walls[:, None] == boundary.saddle.walls[None]
-    return 0.1 * float(np.min(np.where(same, np.max(np.abs(apart), axis=2), np.inf)))
+    return round(0.1 * float(np.min(np.where(same, np.max(np.abs(apart), axis=2), np.inf))), 6)
