@@ -31,7 +31,7 @@ NODES: dict[str, list[str]] = {
 }
 NEED_A_BAG = ('replay', 'summary')
 LEFT_OUT = shutil.ignore_patterns(
-    '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'runs', 'figures')
+    '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'runs')
 
 
 def run(command: list[str], **options: object) -> str:
