@@ -81,7 +81,7 @@ class Shot:
 
     @property
     def derivative(self) -> FloatArray:
-        """Derivative of the whole round, shape (2, 2)."""
+        """Return the derivative of the whole round, shape (2, 2)."""
         q = len(self.defects) // 2
         product = np.eye(2)
         for k in range(q):

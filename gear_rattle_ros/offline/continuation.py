@@ -9,9 +9,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.branches import Change, follow, Turn
-from ..core.closed_orbits import close_orbit, double, PeriodicOrbit
-from ..core.lanes_step import LANES
 from .cli import (
     add_model,
     add_plane,
@@ -30,6 +27,9 @@ from .ensembles import Followers, run_ensemble, settle, Settled, Window
 from .orbit_diagram import compute, Diagram, KINDS
 from .store import Store
 from .tracks import spread
+from ..core.branches import Change, follow, Turn
+from ..core.closed_orbits import close_orbit, double, PeriodicOrbit
+from ..core.lanes_step import LANES
 
 FloatArray = npt.NDArray[np.float64]
 ORBIT: Final = KINDS.index('orbit')

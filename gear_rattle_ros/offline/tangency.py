@@ -66,7 +66,7 @@ class Boundary:
 
     @property
     def directions(self) -> Saddle:
-        """The saddle with its directions."""
+        """Return the saddle with its directions."""
         return saddle_of(self.saddle, self.captor)
 
 

@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from gear_rattle_ros.core.branches import Change, follow
 from gear_rattle_ros.core.closed_orbits import (
     close_orbit,
@@ -18,8 +21,6 @@ from gear_rattle_ros.offline.ensembles import run_ensemble, settle, Window
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.orbit_diagram import Diagram
 from gear_rattle_ros.offline.store import open_dataset
-import numpy as np
-import pytest
 
 B, G, R = 0.1, 0.1, 0.9
 

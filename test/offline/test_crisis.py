@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS
 from gear_rattle_ros.core.homoclinic import find_edge
 from gear_rattle_ros.core.lanes import new_impacts, new_tiles
@@ -11,8 +14,6 @@ from gear_rattle_ros.offline.escape_rates import escape_rate, fit_exponent, fit_
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.tangency import find_boundary, radius_of
-import numpy as np
-import pytest
 
 
 @pytest.fixture(scope='module')
