@@ -30,7 +30,6 @@ from .model import EVENT, EventArray, EventKind, Parameters, require_finite, Sta
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 NOISE_MAXIMUM: Final = 10.0
 SEED_MAXIMUM: Final = 2**63 - 1
-WORD: Final = 2**32
 
 # The trajectory from its last event on, and the next impact where it has been found.
 TRAJECTORY: Final = np.dtype(

@@ -318,25 +318,6 @@ def orbit_of(impacts: npt.NDArray[np.void], parameters: Parameters) -> PeriodicO
     return orbit if orbit is not None and orbit.is_stable else None
 
 
-def overlap(a: FloatArray, b: FloatArray) -> float:
-    """
-    Tell how much two histograms share, but for a bin or two.
-
-    Parameters
-    ----------
-    a, b : ndarray of float, shape (bins,)
-        The histograms.
-
-    Returns
-    -------
-    float
-        0 to 1.
-
-    """
-    first, second = _smoothed(np.stack([a, b]))
-    return _overlap(first, second)
-
-
 def _smoothed(counts: npt.NDArray[Any]) -> FloatArray:
     padded = np.pad(np.asarray(counts, np.float64), ((0, 0), (3, 3)))
     spread = sum(padded[:, k:k + counts.shape[1]] for k in range(7))

@@ -19,7 +19,6 @@ HUES: Final = ('#0a5a9c', '#c2410c', '#04724d', '#8a2c76', '#8a6100', '#2f2f2f')
 PALE: Final = 0.14
 GREY: Final = '#606060'
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
-VELOCITY_LABEL: Final = "velocity s' [1]"
 
 
 def new_figure(width: int, height: int) -> Figure:
