@@ -1,9 +1,9 @@
-# run, test, test-long, lint, bench, figures, clean: each makes .venv first where it has to.
+# run, test, test-long, lint, doc, bench, figures, clean: each makes .venv first where it has to.
 PYTHON ?= python3
 ARGS ?=
 VENV := .venv
 BIN := $(VENV)/bin
-SOURCES := gear_rattle_ros test tools benchmark setup.py
+SOURCES := gear_rattle_ros test tools benchmark doc setup.py
 # What an editable install copies or reads: a change of it installs anew.
 INSTALLED := setup.py setup.cfg package.xml constraints.txt gear_rattle_ros/start.py $(shell find config resource -type f)
 PIP := $(BIN)/python -m pip install --quiet --no-input --disable-pip-version-check \
@@ -33,7 +33,7 @@ except ImportError:
 endef
 export CHECK
 
-.PHONY: run test test-long lint bench figures clean
+.PHONY: run test test-long lint doc bench figures clean
 .DELETE_ON_ERROR:
 
 run: $(VENV)/run.stamp
@@ -55,6 +55,11 @@ lint: $(VENV)/test.stamp
 		lint-imports \
 		'python tools/check_manifest.py package.xml'; \
 	do echo "== $$check"; $(BIN)/$$check || status=1; done; exit $$status
+
+# The site, in build/doc; a warning is an error.
+doc: $(VENV)/doc.stamp
+	$(BIN)/python -m sphinx -q -W --keep-going -E -b html doc build/doc
+	@echo 'build/doc/index.html'
 
 bench: $(VENV)/test.stamp
 	@set -e; for script in $(sort $(wildcard benchmark/*.py)); do \
@@ -81,4 +86,9 @@ $(VENV)/run.stamp: $(INSTALLED)
 $(VENV)/test.stamp: $(VENV)/run.stamp
 	@echo 'Installing the tools of the tests into $(VENV) ...'
 	@$(PIP) --no-build-isolation --editable '.[ros,test,lint]'
+	@touch $@
+
+$(VENV)/doc.stamp: $(VENV)/run.stamp
+	@echo 'Installing what builds the site into $(VENV) ...'
+	@$(PIP) --no-build-isolation --editable '.[ros,doc]'
 	@touch $@

@@ -99,6 +99,11 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
+        'doc': [
+            'furo',
+            'myst-parser',
+            'sphinx',
+        ],
         'test': [
             'catkin-pkg',
             'colcon-core',
