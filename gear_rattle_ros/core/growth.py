@@ -1,0 +1,135 @@
+"""Finite-time exponents of many starts: how far a small difference has grown after n impacts."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from .compiled import kernel
+from .flight import elapsed
+from .lanes import advance, FLOATS, refill, release, RESTS
+from .lanes_step import LANES
+from .raster import is_stuck
+from .tangent import flight_matrix, impact_matrix
+
+# Steps between two looks at the impacts.
+STEPS: Final = 48
+# A matrix is scaled back when an entry is larger or all are smaller than this or its inverse.
+LARGE: Final = 1e60
+
+
+@kernel
+def largest_singular(a: float, b: float, c: float, d: float) -> float:
+    """
+    Find by how much a 2 x 2 matrix stretches a vector at the most.
+
+    Parameters
+    ----------
+    a, b, c, d : float
+        The matrix, row by row.
+
+    Returns
+    -------
+    float
+        Its largest singular value.
+
+    """
+    return 0.5 * (math.hypot(a + d, b - c) + math.hypot(a - d, b + c))
+
+
+@kernel
+def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-def]
+    """
+    Follow starts for a number of impacts, and their tangent with them.
+
+    The product of all flight and impact matrices takes a difference of the start, at fixed time,
+    to one just after the last impact; its logarithm per impact is the exponent (Ott, Chaos in
+    Dynamical Systems, ch. 4.4).
+
+    Parameters
+    ----------
+    tile : TILE record
+        With every lane free.
+    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
+        Room to work in.
+    starts : ndarray of START, shape (n,)
+        The starts.
+    count : int
+        Impacts, at least 1.
+    exponents : ndarray of float, shape (n,)
+        Receives the largest finite-time exponent per impact [1]: -inf where the mass sticks or
+        comes to rest, which forgets all differences; nan where it floats between the walls.
+
+    Returns
+    -------
+    int
+        Impacts made.
+
+    """
+    product = np.zeros((LANES, 4))
+    scale = np.zeros(LANES)
+    cycle = np.zeros(LANES, np.int64)
+    phase = np.zeros(LANES)
+    following = 0
+    total = 0
+    while True:
+        before = following
+        following = refill(tile, starts, following, float(count))
+        busy = 0
+        for i in range(LANES):
+            if tile.start[i] == -1:
+                continue
+            busy += 1
+            if tile.start[i] >= before:
+                product[i, 0] = 1.0
+                product[i, 1] = 0.0
+                product[i, 2] = 0.0
+                product[i, 3] = 1.0
+                scale[i] = 0.0
+                cycle[i] = 0
+                phase[i] = starts[tile.start[i]].phase
+        if busy == 0:
+            return total
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            number = tile.start[i]
+            if number == -1:
+                continue
+            total += tile.count[i]
+            stuck = False
+            for k in range(tile.count[i]):
+                one = impacts[i, k]
+                if is_stuck(one, math.copysign(1.0, one.velocity), tile, i):
+                    stuck = True
+                    break
+                d = elapsed(one.cycle - cycle[i], phase[i], one.phase)
+                cycle[i] = one.cycle
+                phase[i] = one.phase
+                integral, decay = flight_matrix(d, tile.beta[i])
+                s11, s21, s22 = impact_matrix(
+                    one.phase, one.velocity, -tile.restitution[i] * one.velocity, tile.alpha[i],
+                    tile.beta[i], tile.gamma[i], tile.restitution[i])
+                size = 0.0
+                for j in range(2):
+                    s = product[i, j] + integral * product[i, j + 2]
+                    v = decay * product[i, j + 2]
+                    product[i, j] = s11 * s
+                    product[i, j + 2] = s21 * s + s22 * v
+                    size += abs(product[i, j]) + abs(product[i, j + 2])
+                if size > LARGE or size < 1.0 / LARGE:
+                    if size == 0.0:
+                        stuck = True
+                        break
+                    scale[i] += math.log(size)
+                    for j in range(4):
+                        product[i, j] /= size
+            if stuck or tile.end[i] == RESTS:
+                exponents[number] = -math.inf
+            elif tile.end[i] == FLOATS:
+                exponents[number] = math.nan
+            elif tile.left[i] > 0.0:
+                continue
+            else:
+                exponents[number] = (scale[i] + math.log(largest_singular(
+                    product[i, 0], product[i, 1], product[i, 2], product[i, 3]))) / count
+            release(tile, i)
