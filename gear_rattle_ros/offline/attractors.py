@@ -1,5 +1,6 @@
 """The tool `attractors`: every attractor at given parameters, and its share of random starts."""
 
+import argparse
 from collections.abc import Mapping
 import dataclasses
 import json
@@ -19,6 +20,7 @@ from ..core.model import Parameters
 from ..core.periodic import Orbit
 
 NAME: Final = 'attractors'
+TITLE: Final = 'Attractors of the gear-rattling model'
 ENDS: Final = {RESTS_UPPER: 'rest-upper', RESTS_LOWER: 'rest-lower', FLOATING: 'floating'}
 TableOfArrays = dict[str, tuple[tuple[str, ...], npt.ArrayLike, Mapping[str, Any]]]
 
@@ -265,25 +267,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--tolerance', type=cli.number, default=TOLERANCE, metavar='X',
                         help=f'distance within which an orbit is reached [1]; {TOLERANCE:g} by '
                              'default')
-    cli.add_run(parser)
-    given = parser.parse_args(arguments)
 
-    def action() -> int:
+    def work(given: argparse.Namespace, run: cli.Run) -> int:
         parameters, plane = cli.model_of(given), cli.plane_of(given)
-        run = cli.run_of(parser, given, arguments, f'attractors-{parameters.alpha:g}.zarr')
         require_tolerance(given.tolerance)
-        layout = Layout((), (), identity_of(
-            NAME, parameters, plane, tolerance=given.tolerance, hold=given.hold,
-            starts=given.starts, seed=given.seed), {'title': 'Attractors of the gear-rattling '
-                                                             'model'})
-        store = make_store(run.output, layout, run.command, resume=run.resume)
-        cli.announce_compilation(NAME, 'classify')
-        try:
-            catalogue = find_attractors(
-                parameters, plane.random_starts(parameters, given.starts, given.seed),
-                tolerance=given.tolerance, hold=given.hold, threads=given.threads)
-        except KeyboardInterrupt:
-            return cli.say_interrupted(run, 0, 1)
+        identity = identity_of(NAME, parameters, plane, tolerance=given.tolerance,
+                               hold=given.hold, starts=given.starts, seed=given.seed)
+        store = make_store(run.output, Layout((), (), identity, {'title': TITLE}), run.command,
+                           resume=run.resume)
+        catalogue = find_attractors(
+            parameters, plane.random_starts(parameters, given.starts, given.seed),
+            tolerance=given.tolerance, hold=given.hold, threads=run.threads)
         found = attractors_of(catalogue)
         write_attractors(store, found, catalogue)
         store.mark(0)
@@ -292,13 +286,14 @@ def main(arguments: list[str] | None = None) -> int:
         unresolved = int(np.sum(catalogue.labels == UNRESOLVED))
         print(f'     unresolved: {unresolved:,} of {given.starts:,} starts after {given.hold:,} '
               'impacts')
-        if run.picture is not None:
-            from .pictures import draw_section, save
-            save(draw_section(catalogue, found), run.picture)
-        print(run.output)
-        return 0
 
-    return cli.attempt(NAME, action)
+        def draw() -> cli.Figure:
+            from .pictures import draw_section
+            return draw_section(catalogue, found)
+
+        return run.finish(draw)
+
+    return cli.run_tool(parser, arguments, 'attractors-{alpha:g}.zarr', work)
 
 
 def require_tolerance(tolerance: float) -> None:

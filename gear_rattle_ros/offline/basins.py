@@ -88,7 +88,6 @@ def compute_basins(parameters: Parameters, plane: Plane, run: cli.Run, settings:
     identity = identity_of(run.name, parameters, plane, **others,
                            size=[plane.phases, plane.velocities])
     store = open_grid(run, grid_layout(plane, identity, title, settings.cap, settings.tile))
-    cli.announce_compilation(run.name, 'classify')
     catalogue = find_attractors(
         parameters, plane.random_starts(parameters, settings.starts, settings.seed),
         tolerance=settings.tolerance, hold=settings.hold, chaotic=settings.chaotic,
@@ -237,14 +236,11 @@ def main(arguments: list[str] | None = None) -> int:
                         metavar=('PHASE', 'VELOCITY'), help='point that stays where it is')
     parser.add_argument('--zoom-factor', type=cli.number, default=10.0, metavar='X',
                         help='how many times smaller each window is; 10 by default')
-    cli.add_run(parser)
-    given = parser.parse_args(arguments)
 
-    def action() -> int:
+    def work(given: argparse.Namespace, run: cli.Run) -> int:
         parameters = cli.model_of(given)
         planes = magnifications(cli.plane_of(given), given.zoom_levels, given.zoom_at[0],
                                 given.zoom_at[1], given.zoom_factor)
-        run = cli.run_of(parser, given, arguments, f'basins-{parameters.alpha:g}.zarr')
         for level, plane in enumerate(planes):
             here = run if len(planes) == 1 else dataclasses.replace(
                 run, output=_numbered(run.output, level),
@@ -254,7 +250,7 @@ def main(arguments: list[str] | None = None) -> int:
                 return status
         return 0
 
-    return cli.attempt(NAME, action)
+    return cli.run_tool(parser, arguments, 'basins-{alpha:g}.zarr', work)
 
 
 def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings) -> int:
@@ -268,16 +264,15 @@ def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings)
         print(f'{counts.get(each.label, 0) / cells:8.3%} of the grid  {each.describe()}')
     print(f'{counts.get(UNRESOLVED, 0) / cells:8.3%} of the grid   unresolved after '
           f'{settings.cap:,} impacts: {counts.get(UNRESOLVED, 0):,} starts')
-    if run.picture is not None:
-        from .pictures import draw_basins, in_words, save, thinned
-        labels = store.read_all('label')
-        step = (slice(None, None, thinned(plane.velocities)),
-                slice(None, None, thinned(plane.phases)))
-        save(draw_basins(labels[step].astype(np.int64), plane, attractors,
-                         f'Basins of attraction, {in_words(catalogue)}, '
-                         f's = {plane.displacement:g}'), run.picture)
-    print(run.output)
-    return 0
+
+    def draw() -> cli.Figure:
+        from .pictures import draw_basins, in_words, thinned
+        labels = store.read_all('label')[thinned(plane)]
+        return draw_basins(labels.astype(np.int64), plane, attractors,
+                           f'Basins of attraction, {in_words(catalogue)}, '
+                           f's = {plane.displacement:g}')
+
+    return run.finish(draw)
 
 
 def _numbered(path: Path, level: int) -> Path:

@@ -13,20 +13,25 @@ from pathlib import Path
 import re
 import shlex
 import sys
-import time
-from typing import Any, Final, NoReturn, TextIO
+from typing import Any, Final, NoReturn, Protocol
 
 from .engine import EngineError
 from .grid import Plane
+from .progress import Progress, telling_of_compilation
 from .store import Store, StoreError
-from ..core.compiled import cache_directory
-from ..core.model import Parameters
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 PACKAGE: Final = 'gear_rattle_ros'
 INTERRUPTED: Final = 130
-# How often progress is told, on a terminal and elsewhere [s].
-ON_TERMINAL: Final = 0.3
-ELSEWHERE: Final = 10.0
+# Endings of pictures.
+PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
+
+
+class Figure(Protocol):
+    """A picture, as matplotlib has it."""
+
+    def savefig(self, fname: Path) -> None:
+        """Write it."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -91,6 +96,33 @@ class Run:
         """
         return Progress(self.name, total, sys.stderr)
 
+    def finish(self, draw: Callable[[], Figure], **beside: Callable[[], Figure]) -> int:
+        """
+        Draw the picture where one is asked for, and say where everything is.
+
+        Parameters
+        ----------
+        draw : callable
+            Makes the figure; imports matplotlib only then.
+        **beside : callable
+            Further figures, by what is added to the name of the file.
+
+        Returns
+        -------
+        int
+            The exit status, 0.
+
+        """
+        print(self.output)
+        if self.picture is not None:
+            for suffix, one in {'': draw, **beside}.items():
+                path = self.picture
+                if suffix:
+                    path = path.with_name(f'{path.stem}-{suffix}{path.suffix}')
+                one().savefig(path)
+                print(path)
+        return 0
+
     def how_to_resume(self) -> str:
         """
         Say how to go on.
@@ -103,83 +135,6 @@ class Run:
         """
         resume = '' if '--resume' in shlex.split(self.command) else ' --resume'
         return self.command + resume
-
-
-class Progress:
-    """
-    Progress with rate and time left.
-
-    Parameters
-    ----------
-    name : str
-        What is running.
-    total : int
-        How many things there are to do.
-    stream : TextIO
-        Where to; one line that is overwritten where it is a terminal, a line now and then
-        elsewhere.
-
-    """
-
-    def __init__(self, name: str, total: int, stream: TextIO) -> None:
-        self._name = name
-        self._total = total
-        self._stream = stream
-        self._terminal = stream.isatty()
-        self._begin = self._told = time.monotonic()
-        self._done = self._impacts = self._before = 0
-
-    def skip(self, done: int) -> None:
-        """Count things done by an earlier run: they say nothing about the rate."""
-        self._done += done
-        self._before += done
-
-    def add(self, done: int, impacts: int = 0) -> None:
-        """Count things done just now, and the impacts that they took."""
-        self._done += done
-        self._impacts += impacts
-        now = time.monotonic()
-        if now - self._told >= (ON_TERMINAL if self._terminal else ELSEWHERE):
-            self._told = now
-            self._tell(now - self._begin)
-
-    def end(self) -> None:
-        """Leave the line of the terminal."""
-        if self._terminal and self._told > self._begin:
-            self._stream.write('\r\x1b[K')
-            self._stream.flush()
-
-    def _tell(self, seconds: float) -> None:
-        fresh = self._done - self._before
-        left = (self._total - self._done) * seconds / fresh if fresh else math.inf
-        line = f'{self._name}: {self._done:,} of {self._total:,}'
-        if self._impacts:
-            line += f', {self._impacts / seconds / 1e6:.1f} million impacts/s'
-        line += f', {in_words(left)} left' if fresh else ''
-        self._stream.write(f'\r{line}\x1b[K' if self._terminal else line + '\n')
-        self._stream.flush()
-
-
-def in_words(seconds: float) -> str:
-    """
-    Put a duration in words.
-
-    Parameters
-    ----------
-    seconds : float
-        The duration [s].
-
-    Returns
-    -------
-    str
-        Seconds, minutes or hours.
-
-    """
-    if seconds < 99.5:
-        return f'{seconds:.0f} s'
-    if seconds < 99.5 * 60.0:
-        return f'{seconds / 60.0:.0f} min'
-    return f'{seconds / 3600.0:.1f} h'
 
 
 def number(text: str) -> float:
@@ -263,6 +218,26 @@ def add_model(parser: argparse.ArgumentParser, *, alpha: float = 0.48,
                                help=f'{words} [1]; {value:g} by default')
 
 
+def add_alpha_window(parser: argparse.ArgumentParser, low: float, high: float, words: str
+                     ) -> None:
+    """
+    Add a window of amplitudes, and the other parameters of the model.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Receives them.
+    low, high : float
+        The window by default [1].
+    words : str
+        What it is.
+
+    """
+    parser.add_argument('--alpha', type=number, nargs=2, default=[low, high], metavar=('A', 'B'),
+                        help=f'{words} [1]; {low:g} {high:g} by default')
+    add_model(parser, names=('beta', 'gamma', 'restitution'))
+
+
 def add_plane(parser: argparse.ArgumentParser, *, size: int | None = 400) -> None:
     """
     Add the options of the plane of initial conditions.
@@ -316,7 +291,7 @@ def model_of(given: argparse.Namespace) -> Parameters:
     Parameters
     ----------
     given : Namespace
-        What was given.
+        What was given; of a window of amplitudes the higher end is taken.
 
     Returns
     -------
@@ -330,7 +305,37 @@ def model_of(given: argparse.Namespace) -> Parameters:
 
     """
     names = [field.name for field in dataclasses.fields(Parameters)]
-    return Parameters(**{name: getattr(given, name) for name in names if hasattr(given, name)})
+    values = {name: getattr(given, name) for name in names if hasattr(given, name)}
+    if isinstance(values['alpha'], list):
+        values['alpha'] = alpha_window_of(given)[1]
+    return Parameters(**values)
+
+
+def alpha_window_of(given: argparse.Namespace) -> tuple[float, float]:
+    """
+    Read a window of amplitudes.
+
+    Parameters
+    ----------
+    given : Namespace
+        What was given.
+
+    Returns
+    -------
+    tuple of float
+        The lower and the higher end [1].
+
+    Raises
+    ------
+    ValueError
+        If it is empty, reversed or out of range.
+
+    """
+    low, high = (require_finite('alpha', value, 0.0, ALPHA_MAXIMUM) for value in given.alpha)
+    if not low < high:
+        raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the lower '
+                         'end first')
+    return low, high
 
 
 def plane_of(given: argparse.Namespace) -> Plane:
@@ -357,6 +362,91 @@ def plane_of(given: argparse.Namespace) -> Plane:
     if len(size) > 2:
         raise ValueError(f'--size takes one or two numbers, not {len(size)}')
     return Plane(given.displacement, tuple(given.phase), tuple(given.velocity), size[0], size[-1])
+
+
+def run_tool(parser: argparse.ArgumentParser, arguments: list[str] | None, output: str,
+             work: Callable[[argparse.Namespace, Run], int]) -> int:
+    """
+    Parse a command line, run a tool, and turn what goes wrong into one line.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        With the options of the tool; those of running are added.
+    arguments : list of str or None
+        Without the program's name; None for those of the process.
+    output : str
+        Name of the store by default; options stand in it in braces, such as ``{alpha:g}``.
+    work : callable
+        Takes what was given and how to run; returns an exit status.
+
+    Returns
+    -------
+    int
+        Exit status: that of the work, 2 with one line that says why, 130 after Ctrl-C.
+
+    """
+    add_run(parser)
+    given = parser.parse_args(arguments)
+
+    def action() -> int:
+        run = run_of(parser, given, arguments, output.format_map(vars(given)))
+        try:
+            with telling_of_compilation(run.name, sys.stderr):
+                return work(given, run)
+        except KeyboardInterrupt:
+            return say_stopped(run)
+
+    return attempt(parser.prog, action)
+
+
+def attempt(name: str, action: Callable[[], int]) -> int:
+    """
+    Do something and turn what goes wrong into one line and an exit status.
+
+    Parameters
+    ----------
+    name : str
+        The tool.
+    action : callable
+        Does everything and returns an exit status.
+
+    Returns
+    -------
+    int
+        That status; 2 where the input is wrong or something cannot be written.
+
+    """
+    try:
+        return action()
+    except (StoreError, EngineError, ValueError) as error:
+        message = str(error)
+    except OSError as error:
+        message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
+    print(f'{name}: {message}', file=sys.stderr)
+    return 2
+
+
+def say_stopped(run: Run) -> int:
+    """
+    Say what Ctrl-C has left of a store, and how to go on.
+
+    Parameters
+    ----------
+    run : Run
+        What was running.
+
+    Returns
+    -------
+    int
+        The exit status, 130.
+
+    """
+    try:
+        store = Store(run.output)
+    except StoreError:
+        return say_interrupted(run, 0, 0)
+    return say_interrupted(run, len(store.tiles) - len(store.pending()), len(store.tiles))
 
 
 def run_of(parser: argparse.ArgumentParser, given: argparse.Namespace,
@@ -387,41 +477,17 @@ def run_of(parser: argparse.ArgumentParser, given: argparse.Namespace,
 
     """
     words = sys.argv[1:] if arguments is None else arguments
-    command = shlex.join(['ros2', 'run', PACKAGE, parser.prog, *words])
     if given.picture is not None:
         # Told before a long computation, not after it.
         folder = given.picture.resolve().parent
         if given.picture.is_dir() or not os.access(folder, os.W_OK):
             raise ValueError(f'--picture {given.picture} cannot be written')
-    return Run(parser.prog, command, given.output or Path(output), given.resume, given.cluster,
-               given.threads, given.picture)
-
-
-def attempt(name: str, action: Callable[[], int]) -> int:
-    """
-    Run a tool and turn what goes wrong into one line and an exit status.
-
-    Parameters
-    ----------
-    name : str
-        The tool.
-    action : callable
-        Does everything and returns an exit status.
-
-    Returns
-    -------
-    int
-        That status; 2 where the input is wrong or something cannot be written.
-
-    """
-    try:
-        return action()
-    except (StoreError, EngineError, ValueError) as error:
-        message = str(error)
-    except OSError as error:
-        message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
-    print(f'{name}: {message}', file=sys.stderr)
-    return 2
+        if given.picture.suffix not in PICTURES:
+            raise ValueError(f'--picture {given.picture} does not end in one of '
+                             f'{" ".join(PICTURES)}')
+    return Run(parser.prog, shlex.join(['ros2', 'run', PACKAGE, parser.prog, *words]),
+               given.output or Path(output), given.resume, given.cluster, given.threads,
+               given.picture)
 
 
 def say_interrupted(run: Run, done: int, total: int) -> int:
@@ -444,42 +510,3 @@ def say_interrupted(run: Run, done: int, total: int) -> int:
     print(f'{run.name}: stopped; {done:,} of {total:,} tiles are kept in {run.output}; go on '
           f'with: {run.how_to_resume()}', file=sys.stderr)
     return INTERRUPTED
-
-
-def say_stopped(run: Run) -> int:
-    """
-    Say what Ctrl-C has left of a store.
-
-    Parameters
-    ----------
-    run : Run
-        What was running.
-
-    Returns
-    -------
-    int
-        The exit status, 130.
-
-    """
-    try:
-        store = Store(run.output)
-    except StoreError:
-        return say_interrupted(run, 0, 0)
-    return say_interrupted(run, len(store.tiles) - len(store.pending()), len(store.tiles))
-
-
-def announce_compilation(name: str, kernel: str) -> None:
-    """
-    Say so where the first run compiles.
-
-    Parameters
-    ----------
-    name : str
-        The tool.
-    kernel : str
-        Function that is compiled last.
-
-    """
-    if not any(cache_directory().rglob(f'*{kernel}*.nbc')):
-        print(f'{name}: compiling, once on this machine; this takes about a minute ...',
-              file=sys.stderr, flush=True)

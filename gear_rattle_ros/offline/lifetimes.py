@@ -1,5 +1,6 @@
 """The tool `lifetimes`: how long transients last before an orbit or rest ends them."""
 
+import argparse
 import dataclasses
 import math
 from typing import Final
@@ -259,39 +260,28 @@ def main(arguments: list[str] | None = None) -> int:
                              'default')
     parser.add_argument('--grey', action='store_true',
                         help="draw the paper's linear grey scale")
-    cli.add_run(parser)
-    given = parser.parse_args(arguments)
 
-    def action() -> int:
+    def work(given: argparse.Namespace, run: cli.Run) -> int:
         parameters, plane = cli.model_of(given), cli.plane_of(given)
-        run = cli.run_of(parser, given, arguments, f'lifetimes-{parameters.alpha:g}.zarr')
-        settings = settings_of(given, chaotic=False)
-        try:
-            store, catalogue, attractors, escape = compute_lifetimes(
-                parameters, plane, run, settings, given.tail)
-        except KeyboardInterrupt:
-            return cli.say_stopped(run)
+        store, catalogue, attractors, escape = compute_lifetimes(
+            parameters, plane, run, settings_of(given, chaotic=False), given.tail)
         for each in attractors:
             print(each.describe())
         print(escape.describe())
-        if run.picture is not None:
-            _draw(store, catalogue, plane, escape, run, given.grey)
-        print(run.output)
-        return 0
 
-    return cli.attempt(NAME, action)
+        def draw() -> cli.Figure:
+            from .pictures import draw_lifetimes, in_words, thinned
+            cells = thinned(plane)
+            return draw_lifetimes(
+                store.read_all('lifetime')[cells].astype(np.int64),
+                store.read_all('label')[cells] == UNRESOLVED, plane, escape.cap,
+                f'Lifetimes, {in_words(catalogue)}, s = {plane.displacement:g}', grey=given.grey)
 
+        def draw_beside() -> cli.Figure:
+            from .pictures import draw_survival, in_words
+            return draw_survival(store.read_all('edge'), store.read_all('survival'), escape.begin,
+                                 escape.rate, f'Survival, {in_words(catalogue)}')
 
-def _draw(store: Store, catalogue: Catalogue, plane: Plane, escape: Escape, run: cli.Run,
-          grey: bool) -> None:
-    from .pictures import draw_lifetimes, draw_survival, in_words, save, thinned
-    assert run.picture is not None
-    step = (slice(None, None, thinned(plane.velocities)),
-            slice(None, None, thinned(plane.phases)))
-    save(draw_lifetimes(
-        store.read_all('lifetime')[step].astype(np.int64),
-        store.read_all('label')[step] == UNRESOLVED, plane, escape.cap,
-        f'Lifetimes, {in_words(catalogue)}, s = {plane.displacement:g}', grey=grey), run.picture)
-    beside = run.picture.with_name(f'{run.picture.stem}-survival{run.picture.suffix}')
-    save(draw_survival(store.read_all('edge'), store.read_all('survival'), escape.begin,
-                       escape.rate, f'Survival, {in_words(catalogue)}'), beside)
+        return run.finish(draw, survival=draw_beside)
+
+    return cli.run_tool(parser, arguments, 'lifetimes-{alpha:g}.zarr', work)

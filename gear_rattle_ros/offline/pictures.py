@@ -1,7 +1,6 @@
 """Pictures of grids: basins by attractor, lifetimes on a logarithmic scale, sections."""
 
 import math
-from pathlib import Path
 from typing import Any, Final
 
 from matplotlib import colormaps
@@ -180,28 +179,6 @@ def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
-    """
-    Write a picture.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    path : Path
-        Where to.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    ValueError
-        If the ending is of no known format.
-
-    """
-    figure.savefig(path, dpi=DPI)
-
-
 def in_words(catalogue: Catalogue) -> str:
     """
     Name the parameters.
@@ -222,22 +199,23 @@ def in_words(catalogue: Catalogue) -> str:
             f'r {model.restitution:g}')
 
 
-def thinned(size: int) -> int:
+def thinned(plane: Plane) -> tuple[slice, slice]:
     """
-    Tell which cells of an edge are drawn.
+    Tell which cells are drawn.
 
     Parameters
     ----------
-    size : int
-        Cells along the edge.
+    plane : Plane
+        All of them.
 
     Returns
     -------
-    int
-        Every so many.
+    tuple of slice
+        Every so many along velocity and phase.
 
     """
-    return -(-size // EDGE)
+    return (slice(None, None, -(-plane.velocities // EDGE)),
+            slice(None, None, -(-plane.phases // EDGE)))
 
 
 def _new(title: str) -> tuple[Figure, Axes]:

@@ -265,5 +265,5 @@ def test_the_picture_shows_every_attractor(reference, tmp_path):
     assert shares == [np.mean(label == each.label) for each in attractors]
     words = figure.legends[0].get_texts()[0].get_text()
     assert f'{100.0 * shares[0]:.2f} %' in words
-    pictures.save(figure, tmp_path / 'a.png')
+    figure.savefig(tmp_path / 'a.png')
     assert (tmp_path / 'a.png').stat().st_size > 10_000

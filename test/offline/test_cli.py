@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.offline import attractors, basins, lifetimes
-from gear_rattle_ros.offline.cli import in_words, number, Parser, Progress
+from gear_rattle_ros.offline.cli import number, Parser
+from gear_rattle_ros.offline.progress import in_words, Progress
 from gear_rattle_ros.offline.store import Store, StoreError
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
@@ -33,6 +34,7 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('basins', '--cap 0', "'0' is not a whole number from 1 on"),
     ('basins', '--tolerance 0', 'tolerance = 0 is not between'),
     ('basins', '--picture /nowhere/at/all/a.png', 'cannot be written'),
+    ('basins', '--picture a.xyz', 'does not end in one of .png'),
     ('basins', '--output /proc/nothing/a.zarr', 'cannot be written'),
     ('basins', '--zoom-levels 2 --zoom-at 1 9', 'velocity 9 is outside'),
     ('basins', '--zoom-levels 2 --zoom-factor 1', '--zoom-factor 1 is not'),
