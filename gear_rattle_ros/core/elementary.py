@@ -140,6 +140,33 @@ def exp_minus(x: float) -> float:
 
 
 @kernel
+def relaxation_series(x: float) -> float:
+    """
+    Sum the series of ``(exp(-x) - 1 + x)/x^2``, even and odd terms apart for speed.
+
+    Parameters
+    ----------
+    x : float
+        From 0 to 1 [1].
+
+    Returns
+    -------
+    float
+        ``1/2! - x/3! + x^2/4! - ...`` [1].
+
+    """
+    y = x * x
+    return (
+        1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
+            1.0 / 3628800 + y * (1.0 / 479001600 + y * (1.0 / 87178291200 + y * (
+                1.0 / 20922789888000)))))))
+        - x * (1.0 / 6 + y * (1.0 / 120 + y * (1.0 / 5040 + y * (1.0 / 362880 + y * (
+            1.0 / 39916800 + y * (1.0 / 6227020800 + y * (1.0 / 1307674368000 + y * (
+                1.0 / 355687428096000))))))))
+    )
+
+
+@kernel
 def relaxation(d: float, beta: float) -> tuple[float, float, float]:
     """
     Three functions of damped free motion, regular at ``beta = 0``.
@@ -160,15 +187,7 @@ def relaxation(d: float, beta: float) -> tuple[float, float, float]:
     """
     x = beta * d
     if x < 1.0:
-        y = x * x
-        second = (
-            1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
-                1.0 / 3628800 + y * (1.0 / 479001600 + y * (1.0 / 87178291200 + y * (
-                    1.0 / 20922789888000)))))))
-            - x * (1.0 / 6 + y * (1.0 / 120 + y * (1.0 / 5040 + y * (1.0 / 362880 + y * (
-                1.0 / 39916800 + y * (1.0 / 6227020800 + y * (1.0 / 1307674368000 + y * (
-                    1.0 / 355687428096000))))))))
-        )
+        second = relaxation_series(x)
         first = 1.0 - x * second
         return 1.0 - x * first, d * first, d * d * second
     decay = exp_minus(x)

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from .advancement import aim, close_in, HORIZON_MAXIMUM, look_ahead, stop_ahead, stop_behind
 from .compiled import kernel
 from .elementary import relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
 from .model import STICKING_SPEED
@@ -24,92 +25,6 @@ LOWER = 2
 # A flight without an impact is continued from a fresh start after this many drive periods.
 LEG_PERIODS = 64
 LEG = LEG_PERIODS * TWO_PI
-# Longest single step of the search [1].
-HORIZON_MAXIMUM = 10.0
-# Relative error at which a Taylor step may end the search; its terms are over-estimated 24 times.
-LAST_STEP_ERROR = 1e-16
-
-
-@kernel
-def at_least_zero(x: float) -> float:
-    """
-    Clip rounding below zero.
-
-    Parameters
-    ----------
-    x : float
-        A distance [1].
-
-    Returns
-    -------
-    float
-        It, or 0 [1].
-
-    """
-    return x if x > 0.0 else 0.0
-
-
-@kernel
-def reach(distance: float, speed: float, acceleration: float) -> float:
-    """
-    Time to cover a distance at constant acceleration.
-
-    Parameters
-    ----------
-    distance : float
-        Not negative [1].
-    speed, acceleration : float
-        Towards the target [1].
-
-    Returns
-    -------
-    float
-        Smallest non-negative root of ``distance = speed t + acceleration t^2/2``, or inf [1].
-
-    """
-    discriminant = speed * speed + 2.0 * acceleration * distance
-    if discriminant < 0.0:
-        return math.inf
-    root = math.sqrt(discriminant)
-    if speed > 0.0:
-        return 2.0 * distance / (speed + root)
-    if acceleration <= 0.0:
-        return math.inf
-    return (root - speed) / acceleration
-
-
-@kernel
-def free_time(distance: float, speed: float, acceleration: float,
-              acceleration_bound: float, jerk_bound: float) -> float:
-    """
-    Time during which a wall certainly cannot be reached.
-
-    The displacement towards the wall in time t is at most ``speed t + A t^2/2 + J t^3/6``; for
-    ``t <= T`` the last two are at most ``(A + J T/3) t^2/2``. The bound with the largest
-    acceleration needs no T; the longer of both holds.
-
-    Parameters
-    ----------
-    distance : float
-        To the wall [1], not negative.
-    speed, acceleration : float
-        Towards the wall, now [1].
-    acceleration_bound, jerk_bound : float
-        Largest magnitudes for the rest of the flight [1].
-
-    Returns
-    -------
-    float
-        A duration [1]; repeated, it converges to third order on a transversal impact.
-
-    """
-    horizon = reach(distance, speed, acceleration)
-    if horizon == math.inf and acceleration < 0.0:
-        horizon = -2.5 * acceleration / jerk_bound
-    horizon = min(horizon, HORIZON_MAXIMUM)
-    bent = acceleration + jerk_bound * horizon * (1.0 / 3.0)
-    certain = min(reach(distance, speed, bent), horizon)
-    return max(certain, reach(distance, speed, acceleration_bound))
 
 
 @kernel
@@ -201,33 +116,32 @@ def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta
 
 
 @kernel
-def departure(sin_p: float, cos_p: float, force: float, alpha: float, beta: float,
-              gamma: float) -> float:
+def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: float) -> float:
     """
-    Time for which a mass that leaves a wall from rest certainly stays off it.
+    Time for which a mass that leaves a wall from rest certainly meets neither wall.
 
     Parameters
     ----------
     sin_p, cos_p : float
-        Of the drive phase [1].
-    force : float
-        Acceleration [1]; away from the wall, or zero but for rounding.
+        Of the drive phase [1], at which the force is away from the wall, or zero but for rounding.
     alpha, beta, gamma : float
         Parameters [1].
 
     Returns
     -------
     float
-        A duration [1]: by the acceleration or, at a release where that vanishes, by the jerk.
+        A duration [1]: off this wall by the acceleration or, at a release where that vanishes, by
+        the jerk; and not at the other one yet.
 
     """
+    force = acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
     relax = abs(gamma + beta * alpha * cos_p)
     jerk = -alpha * (cos_p + beta * sin_p) - beta * force
     by_force = 2.5 * abs(force) / (alpha + beta * relax)
     by_jerk = 2.0 * abs(jerk) / (alpha + beta * beta * relax)
     if jerk * force < 0.0 and abs(force) > 1e-12:
         by_jerk = 0.0
-    return min(max(by_force, by_jerk), HORIZON_MAXIMUM)
+    return min(max(by_force, by_jerk), HORIZON_MAXIMUM, math.sqrt(2.0 / (alpha + relax)))
 
 
 @kernel
@@ -288,47 +202,22 @@ def search_impact(d: float, d_stop: float, phase: float, s0: float, v0: float, a
 
     """
     sin_p, cos_p = sine_cosine(phase)
-    upper = -s0
-    lower = 1.0 + s0
-    velocity = v0
+    if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):
+        d = departure(sin_p, cos_p, alpha, beta, gamma)
     while True:
         moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)
-        relax = gamma - beta * (velocity - alpha * cos_now)
-        force = relax - alpha * sin_now
-        bound = alpha + abs(relax)
-        jerk_bound = alpha + beta * abs(relax)
-        # Seen from the wall ahead: `distance` to it, everything counted towards it.
-        towards = 1.0 if velocity > 0.0 else -1.0
-        distance = at_least_zero(upper - moved if velocity > 0.0 else lower + moved)
-        behind = at_least_zero(lower + moved if velocity > 0.0 else upper - moved)
-        if d == 0.0 and velocity == 0.0 and (distance == 0.0 or behind == 0.0):
-            # Off this wall for so long, and not at the other one yet.
-            d = min(departure(sin_now, cos_now, force, alpha, beta, gamma),
-                    reach(1.0, 0.0, bound))
-            continue
-        speed = abs(velocity)
-        step = free_time(distance, speed, towards * force, bound, jerk_bound)
-        if reach(behind, -speed, bound) < step:
-            back = free_time(behind, -speed, -towards * force, bound, jerk_bound)
-            if back < step:
-                step = back
-                distance = behind
-                towards = -towards
-        # Without any force a step could be endless.
-        step = min(step, HORIZON_MAXIMUM)
-        # The last step is taken by Taylor series once its error is below rounding.
-        jerk = -alpha * cos_now - beta * relax
-        snap = alpha * sin_now + beta * beta * relax
-        last = reach(distance, towards * velocity, towards * (force + jerk * step * (1.0 / 3.0)))
-        square = last * last
-        impact_speed = towards * (
-            velocity + last * (force + last * (0.5 * jerk + last * (1.0 / 6.0) * snap)))
-        if square * square * bound < LAST_STEP_ERROR * impact_speed * (d + last):
-            return d + last, towards * impact_speed, UPPER if towards > 0.0 else LOWER
-        ahead = d + step
-        if ahead == d:
-            return d, velocity, UPPER if towards > 0.0 else LOWER
-        d = ahead
+        towards, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
+            s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
+        front = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
+        aimed, error, slowness, longest = aim(
+            speed, pull, jerk, ahead, horizon, jerk_bound, towards, sin_now, cos_now, alpha, beta)
+        step, returns = stop_behind(front, speed, pull, jerk, behind, jerk_bound, snap_bound)
+        step, towards, hits, before = close_in(
+            d, velocity, step, returns, aimed, error, slowness, longest, speed, pull, jerk,
+            jerk_bound, snap_bound, towards, sin_now, cos_now, alpha, beta)
+        d += step
+        if hits:
+            return d, before, UPPER if towards > 0.0 else LOWER
         if d >= d_stop:
             return d, velocity, NO_WALL
 

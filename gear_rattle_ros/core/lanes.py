@@ -25,14 +25,13 @@ import numpy.typing as npt
 from .compiled import kernel
 from .elementary import sine_cosine
 from .flight import (
-    acceleration,
     departure,
     displace,
+    displace_leg,
     is_pressed,
     later,
     LEG,
     LEG_PERIODS,
-    reach,
     rebound,
     release_delay,
 )
@@ -170,11 +169,7 @@ def settle(tile, i):  # type: ignore[no-untyped-def]
             tile.cycle[i] += periods
             sine, cosine = sine_cosine(tile.phase[i])
         if tile.end[i] == RUNS:
-            force = acceleration(sine, cosine, 0.0, alpha, beta, gamma)
-            # Off this wall for so long, and not at the other one yet; as `search_impact`.
-            bound = alpha + abs(gamma + beta * alpha * cosine)
-            tile.duration[i] = min(departure(sine, cosine, force, alpha, beta, gamma),
-                                   reach(1.0, 0.0, bound))
+            tile.duration[i] = departure(sine, cosine, alpha, beta, gamma)
     evaluate(tile, i)
 
 
@@ -339,9 +334,8 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
             settle(tile, i)
         return
     if tile.duration[i] >= LEG:
-        moved, tile.velocity[i], _, _ = displace(
-            LEG, tile.sine[i], tile.cosine[i], tile.velocity[i], tile.alpha[i], tile.beta[i],
-            tile.gamma[i])
+        moved, tile.velocity[i] = displace_leg(
+            tile.cosine[i], tile.velocity[i], tile.alpha[i], tile.beta[i], tile.gamma[i])
         tile.displacement[i] = min(max(tile.displacement[i] + moved, -1.0), 0.0)
         tile.cycle[i] += LEG_PERIODS
         tile.duration[i] = 0.0

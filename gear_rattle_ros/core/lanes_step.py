@@ -6,28 +6,23 @@ step ends at a wall goes through the impact in the same pass. No fused multiply-
 reordering is allowed, as in the scalar kernels, so the bits are the same on every machine and in
 every lane.
 
-A flight is evaluated by the formulas of `flight.displace`, bit for bit. The search is another one
-than that of `flight.search_impact`, with the same guarantee: a step is taken only where no wall
-can be reached. It needs 3.3 to 3.5 steps an impact instead of 4 to 4.7, and 3 square roots a step
-instead of 7; found times differ by rounding, an ulp or two of the phase away from grazing.
+The formulas are those of `flight`: of `flight.displace` and of `advancement`, so a lane makes the
+impacts of `flight.search_impact` bit for bit.
 """
 
 from typing import Final
 
 import numpy as np
 
+from .advancement import aim, close_in, look_ahead, stop_ahead, stop_behind
 from .compiled import kernel
-from .elementary import sine_cosine, sine_defect
-from .flight import HORIZON_MAXIMUM, LAST_STEP_ERROR, later, LEG
-from .lanes_simd import choose, inlined, prefer_wide_vectors, square_root
+from .elementary import relaxation_series, sine_cosine, sine_defect
+from .flight import later, LEG
+from .lanes_simd import choose, inlined, prefer_wide_vectors
 from .model import STICKING_SPEED
 
 # Lanes of a tile: its rows fit the first-level cache, with chains enough to hide latencies.
 LANES: Final = 96
-# Shortest horizon of the search where the wall ahead is out of reach [1].
-HORIZON_MINIMUM: Final = 0.3
-# Longest time for which Taylor's polynomial is used [1].
-NEAR: Final = 2.0
 
 # One record is a tile; every field is a row of lanes. The flight of a lane began at `cycle`,
 # `phase`, with `displacement` and `velocity`, and is known to be free up to `duration` after that.
@@ -97,195 +92,49 @@ TILE: Final = np.dtype(
 
 
 @inlined
-def worst_jerk(jerk, jerk_bound, snap_bound, longest):  # type: ignore[no-untyped-def]
-    """Bound c such that the third-order remainder is at most ``c t^3/6`` until `longest`."""
-    c = jerk + snap_bound * longest * 0.25
-    c = choose(c < jerk_bound, c, jerk_bound)
-    return choose(c > 0.0, c, 0.0)
+def look(t, i):  # type: ignore[no-untyped-def]
+    """Describe the flight of lane i as seen from the wall ahead."""
+    (t.towards[i], t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.behind[i], t.horizon[i],
+     t.jerk_bound[i], t.snap_bound[i]) = look_ahead(
+        t.displacement[i], t.moved[i], t.velocity_now[i], t.sine_now[i], t.cosine_now[i],
+        t.alpha[i], t.beta[i], t.gamma[i])
 
 
 @inlined
-def look_ahead(t, i):  # type: ignore[no-untyped-def]
-    """Describe the flight of lane i as seen from the wall ahead, and how far that is about."""
-    alpha = t.alpha[i]
-    beta = t.beta[i]
-    velocity = t.velocity_now[i]
-    drive_cosine = alpha * t.cosine_now[i]
-    relax = t.gamma[i] - beta * (velocity - drive_cosine)
-    relax_1 = beta * relax
-    bound_3 = alpha + abs(relax_1)
-    rising = velocity > 0.0
-    towards = choose(rising, 1.0, -1.0)
-    u = abs(velocity)
-    f = towards * (relax - alpha * t.sine_now[i])
-    upper = -t.displacement[i] - t.moved[i]
-    lower = 1.0 + t.displacement[i] + t.moved[i]
-    upper = choose(upper > 0.0, upper, 0.0)
-    lower = choose(lower > 0.0, lower, 0.0)
-    ahead = choose(rising, upper, lower)
-    # The time to the wall at constant acceleration.
-    discriminant = u * u + 2.0 * f * ahead
-    root = square_root(discriminant)
-    moves = u > 0.0
-    recedes = (discriminant < 0.0) | ((u <= 0.0) & (f <= 0.0))
-    horizon = (choose(recedes, 2.5 * abs(f), choose(moves, 2.0 * ahead, root))
-               / choose(recedes, bound_3, choose(moves, u + root, f)))
-    horizon = choose(recedes & (not horizon > HORIZON_MINIMUM), HORIZON_MINIMUM, horizon)
-    t.horizon[i] = choose(horizon < HORIZON_MAXIMUM, horizon, HORIZON_MAXIMUM)
-    t.towards[i] = towards
-    t.speed[i] = u
-    t.pull[i] = f
-    t.jerk[i] = towards * (-drive_cosine - relax_1)
-    t.jerk_bound[i] = bound_3
-    t.snap_bound[i] = alpha + abs(beta * relax_1)
-    t.ahead[i] = ahead
-    t.behind[i] = choose(rising, lower, upper)
+def front(t, i):  # type: ignore[no-untyped-def]
+    """Find how far lane i can go as far as the wall ahead is concerned."""
+    t.step[i] = stop_ahead(t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.horizon[i],
+                           t.jerk_bound[i], t.snap_bound[i])
 
 
 @inlined
-def stop_ahead(t, i):  # type: ignore[no-untyped-def]
-    """
-    Find how far lane i can certainly go as far as the wall ahead is concerned.
-
-    Counted towards that wall, the displacement in time t is at most ``u t + f t^2/2 + c t^3/6``
-    for ``t <= T``, with c the largest jerk until T; so at most ``u t + (f + c T/3) t^2/2``. Any T
-    is valid; the time to the wall at constant acceleration is a good one.
-    """
-    u = t.speed[i]
-    ahead = t.ahead[i]
-    horizon = t.horizon[i]
-    c = worst_jerk(t.jerk[i], t.jerk_bound[i], t.snap_bound[i], horizon)
-    bent = t.pull[i] + c * horizon * (1.0 / 3.0)
-    root = square_root(u * u + 2.0 * bent * ahead)
-    moves = u > 0.0
-    front = choose(moves, 2.0 * ahead, root) / choose(moves, u + root, bent)
-    reaches = (moves | (bent > 0.0)) & (front < horizon)
-    t.step[i] = choose(reaches, front, horizon)
+def aim_at(t, i):  # type: ignore[no-untyped-def]
+    """Improve the time of lane i to the wall ahead."""
+    t.aimed[i], t.aim_error[i], t.slowness[i], t.longest[i] = aim(
+        t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.horizon[i], t.jerk_bound[i],
+        t.towards[i], t.sine_now[i], t.cosine_now[i], t.alpha[i], t.beta[i])
 
 
 @inlined
-def stop_behind(t, i):  # type: ignore[no-untyped-def]
-    """
-    Shorten the step of lane i where the mass may come back to the wall behind.
-
-    The bound of the way back, ``-u t - f t^2/2 + c t^3/6``, is greatest at an end of the stretch.
-    """
-    u = t.speed[i]
-    f = t.pull[i]
-    front = t.step[i]
-    c = worst_jerk(-t.jerk[i], t.jerk_bound[i], t.snap_bound[i], front)
-    q = c * front * (1.0 / 3.0) - f
-    behind = t.behind[i]
-    way = u + square_root(u * u + 2.0 * q * behind)
-    bends = way * c < 3.0 * f * q
-    back = choose(bends, 3.0 * f, way) / choose(bends, c, q)
-    returns = (front * (0.5 * q * front - u) > behind) & (back < front)
-    t.step[i] = choose(returns, back, front)
-    t.returns[i] = choose(returns, 1.0, 0.0)
+def back(t, i):  # type: ignore[no-untyped-def]
+    """Shorten the step of lane i where the mass may come back to the wall behind."""
+    t.step[i], t.returns[i] = stop_behind(
+        t.step[i], t.speed[i], t.pull[i], t.jerk[i], t.behind[i], t.jerk_bound[i],
+        t.snap_bound[i])
 
 
 @inlined
-def derivatives(t, i):  # type: ignore[no-untyped-def]
-    """
-    Derive the displacement of lane i towards the wall ahead, from the fourth to the eighth time.
-
-    The last result bounds the second and the eighth derivative from now on.
-    """
-    beta = t.beta[i]
-    alpha = t.alpha[i]
-    signed = t.towards[i] * alpha
-    sine = signed * t.sine_now[i]
-    cosine = signed * t.cosine_now[i]
-    relax = t.pull[i] + sine
-    square = beta * beta
-    relax_2 = square * relax
-    relax_3 = beta * relax_2
-    relax_4 = square * relax_2
-    relax_5 = square * relax_3
-    relax_6 = square * relax_4
-    bend = alpha + choose(abs(relax_6) > abs(relax), abs(relax_6), abs(relax))
-    return (sine + relax_2, cosine - relax_3, relax_4 - sine, -cosine - relax_5, sine + relax_6,
-            bend)
-
-
-@inlined
-def aim(t, i):  # type: ignore[no-untyped-def]
-    """
-    Improve the time to the wall ahead, by Taylor's polynomial of the seventh order.
-
-    One step of Chebyshev's method: Newton's with the acceleration taken in.
-    """
-    u = t.speed[i]
-    f = t.pull[i]
-    j = t.jerk[i]
-    s4, s5, s6, s7, _, bend = derivatives(t, i)
-    x = t.horizon[i]
-    x2 = 0.5 * x
-    x3 = (1.0 / 3.0) * x
-    x4 = 0.25 * x
-    x5 = 0.2 * x
-    x6 = (1.0 / 6.0) * x
-    way = x * (u + x2 * (f + x3 * (j + x4 * (s4 + x5 * (s5 + x6 * (s6 + (1.0 / 7.0) * x * s7))))))
-    speed = u + x * (f + x2 * (j + x3 * (s4 + x4 * (s5 + x5 * (s6 + x6 * s7)))))
-    acceleration = f + x * (j + x2 * (s4 + x3 * (s5 + x4 * (s6 + x5 * s7))))
-    inverse = 1.0 / speed
-    newton = (way - t.ahead[i]) * inverse
-    bending = (0.5 * acceleration) * (inverse * newton)
-    change = newton + newton * bending
-    t.aimed[i] = x - change
-    # The remainder. Up to NEAR the polynomial's third derivative is at most `bend` and the bound
-    # of the jerk, its second 5/4 of `bend`.
-    t.aim_error[i] = (newton * newton) * (
-        1.25 * abs(acceleration * bending)
-        + (0.57 * (bend + t.jerk_bound[i])) * abs(newton))
-    t.slowness[i] = choose((abs(bending) < 0.5) & (u > 0.0), inverse, -1.0)
-    t.longest[i] = x + abs(change)
-
-
-@inlined
-def close_in(t, i):  # type: ignore[no-untyped-def]
-    """
-    Find the impact of lane i, or a longer step than that known.
-
-    Where the velocity certainly stays positive the zero is the first impact, and less than it by
-    more than all errors is a certain step.
-    """
-    u = t.speed[i]
-    f = t.pull[i]
-    j = t.jerk[i]
-    s4, s5, s6, s7, s8, bend = derivatives(t, i)
-    x = t.aimed[i]
-    impact_speed = u + x * (f + 0.5 * x * (j + (1.0 / 3.0) * x * (s4 + 0.25 * x * (
-        s5 + 0.2 * x * (s6 + (1.0 / 6.0) * x * (s7 + (1.0 / 7.0) * x * s8))))))
-    power = x * x
-    power = power * power
-    error = t.aim_error[i] + bend * (power * power * (1.0 / 40320.0))
-    slowness = t.slowness[i]
-    margin = 2.0 * error * slowness
-    # The velocity is at least ``u + f t - c t^2/2`` until then.
-    longest = t.longest[i]
-    jerk_bound = t.jerk_bound[i]
-    c = (1.0 / 3.0) * t.snap_bound[i] * longest - j
-    c = choose(c < jerk_bound, c, jerk_bound)
-    c = choose(c > 0.0, c, 0.0)
-    certain = (
-        (slowness > 0.0) & (longest < NEAR) & (x >= margin)
-        & (u + longest * (f - 0.5 * c * longest) > 0.0)
-        & (margin * (impact_speed - (1.25 * bend) * margin) >= error))
-    d = t.duration[i]
-    ends = certain & (error < LAST_STEP_ERROR * impact_speed * (d + x))
-    near = x - margin
-    step = t.step[i]
-    returns = t.returns[i] != 0.0
-    step = choose(certain & ((near > step) | returns), near, step)
-    towards = choose(returns & (not certain), -t.towards[i], t.towards[i])
-    before = choose(ends, impact_speed, towards * t.velocity_now[i])
+def close(t, i):  # type: ignore[no-untyped-def]
+    """Find the impact of lane i, or its step; none where it is parked."""
+    step, towards, hits, velocity = close_in(
+        t.duration[i], t.velocity_now[i], t.step[i], t.returns[i], t.aimed[i], t.aim_error[i],
+        t.slowness[i], t.longest[i], t.speed[i], t.pull[i], t.jerk[i], t.jerk_bound[i],
+        t.snap_bound[i], t.towards[i], t.sine_now[i], t.cosine_now[i], t.alpha[i], t.beta[i])
     is_active = t.left[i] > 0.0
-    hits = (ends | (d + step == d)) & is_active
-    t.next_step[i] = choose(is_active, choose(ends, x, step), 0.0)
+    t.next_step[i] = choose(is_active, step, 0.0)
     t.next_towards[i] = towards
-    t.has_hit[i] = hits
-    t.impact_velocity[i] = towards * choose(before > 0.0, before, 0.0)
+    t.has_hit[i] = hits & is_active
+    t.impact_velocity[i] = velocity
 
 
 @inlined
@@ -336,15 +185,7 @@ def fly(t, i):  # type: ignore[no-untyped-def]
     t.sine[i] = sin_p
     t.cosine[i] = cos_p
     x = beta * d
-    y = x * x
-    second = (
-        1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
-            1.0 / 3628800 + y * (1.0 / 479001600 + y * (1.0 / 87178291200 + y * (
-                1.0 / 20922789888000)))))))
-        - x * (1.0 / 6 + y * (1.0 / 120 + y * (1.0 / 5040 + y * (1.0 / 362880 + y * (
-            1.0 / 39916800 + y * (1.0 / 6227020800 + y * (1.0 / 1307674368000 + y * (
-                1.0 / 355687428096000))))))))
-    )
+    second = relaxation_series(x)
     first = 1.0 - x * second
     decay = 1.0 - x * first
     integral = d * first
@@ -384,14 +225,14 @@ def step(t):  # type: ignore[no-untyped-def]
     prefer_wide_vectors()
     # Short loops: the processor then works on several lanes' chains of operations at once.
     for i in range(LANES):
-        look_ahead(t, i)
+        look(t, i)
     for i in range(LANES):
-        stop_ahead(t, i)
-        aim(t, i)
+        front(t, i)
+        aim_at(t, i)
     for i in range(LANES):
-        stop_behind(t, i)
+        back(t, i)
     for i in range(LANES):
-        close_in(t, i)
+        close(t, i)
     for i in range(LANES):
         strike(t, i)
     for i in range(LANES):

@@ -211,7 +211,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
             write_event(events[count], RELEASE, t, 0.0)
             count += 1
             continue
-        if t.wall == NO_WALL:
+        if t.wall == NO_WALL and t.searched < LEG:
             t.searched, t.impact_velocity, t.wall = search_impact(
                 t.searched, min(left, LEG), t.phase, t.displacement, t.velocity, t.alpha, t.beta,
                 t.gamma)
@@ -228,8 +228,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
         if t.searched > left:
             break
         towards = 1.0 if t.wall == UPPER else -1.0
-        # Grazing, by rounding, does not come from behind the wall.
-        before = t.impact_velocity if t.impact_velocity * towards > 0.0 else 0.0
+        before = t.impact_velocity
         move_base(t, t.searched)
         t.index += 1
         kick = t.noise * gaussian(t.seed, t.index) if t.noise > 0.0 else 0.0

@@ -1,0 +1,142 @@
+"""The scalar kernels and the lanes are one flight: the same bits, impact by impact."""
+
+from typing import Any, Final
+
+import numba
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.lanes import (
+    advance,
+    EMPTY,
+    is_busy,
+    LaneArray,
+    new_impacts,
+    new_tiles,
+    refill,
+    release,
+    START,
+)
+from gear_rattle_ros.core.lanes_step import LANES
+from gear_rattle_ros.core.model import EVENT
+from gear_rattle_ros.core.simulation import IMPACT, run, settle, STICK, TRAJECTORY
+
+STEPS: Final = 40
+IMPACTS: Final = 8
+# Drive periods after which a trajectory without impacts is left alone.
+LONGEST: Final = 1000
+Array = np.ndarray[Any, Any]
+
+
+def everywhere(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts of all kinds, with parameters of their own and their special values."""
+    starts = np.zeros(count, START)
+    starts['phase'] = random.uniform(0.0, TWO_PI, count)
+    starts['displacement'] = random.choice([0.0, -1.0, -0.5], count)
+    between = starts['displacement'] == -0.5
+    starts['displacement'][between] = -random.random(between.sum())
+    starts['velocity'] = random.normal(0.0, 1.0, count) * 10.0**random.uniform(-3.0, 0.7, count)
+    starts['alpha'] = np.where(
+        random.random(count) < 0.1, 0.0, 10.0**random.uniform(-2.0, 1.0, count))
+    starts['beta'] = np.where(
+        random.random(count) < 0.2, 0.0, 10.0**random.uniform(-3.0, 0.5, count))
+    starts['gamma'] = np.where(random.random(count) < 0.2, 0.0, random.normal(0.0, 0.3, count))
+    starts['restitution'] = random.choice([0.0, 0.3, 0.5, 0.9, 0.99, 1.0], count)
+    return starts
+
+
+def near_walls(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts a hair off a wall."""
+    starts = everywhere(random, count)
+    hair = 10.0**random.uniform(-17.0, -3.0, count)
+    starts['displacement'] = np.where(random.random(count) < 0.5, -hair, hair - 1.0)
+    return starts
+
+
+def from_rest(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts at rest, on walls and between them."""
+    starts = everywhere(random, count)
+    starts['velocity'] = 0.0
+    return starts
+
+
+def grazing(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts almost at rest: impacts on a wall just left, and turns beside it."""
+    starts = near_walls(random, count)
+    starts['velocity'] *= 1e-6
+    return starts
+
+
+def long_flights(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts with hardly any force, or hardly any motion left."""
+    starts = everywhere(random, count)
+    starts['alpha'] = 10.0**random.uniform(-6.0, -1.0, count)
+    starts['gamma'] = random.normal(0.0, 1e-3, count)
+    return starts
+
+
+def damped(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts whose flights outlast the decay of the free motion."""
+    starts = everywhere(random, count)
+    starts['beta'] = 10.0**random.uniform(0.0, 2.0, count)
+    return starts
+
+
+@numba.njit
+def by_lanes(tile, impacts, starts, found, counts):  # type: ignore[no-untyped-def]
+    """Write the first impacts of every start, through one tile."""
+    following = refill(tile, starts, 0, float(IMPACTS))
+    while following < len(starts) or is_busy(tile):
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            start = tile.start[i]
+            if start == EMPTY:
+                continue
+            for j in range(tile.count[i]):
+                impact = found[start, counts[start]]
+                impact.cycle = impacts[i, j].cycle
+                impact.phase = impacts[i, j].phase
+                impact.velocity = impacts[i, j].velocity
+                counts[start] += 1
+            if tile.left[i] == 0.0 or tile.cycle[i] > LONGEST:
+                release(tile, i)
+        following = refill(tile, starts, following, float(IMPACTS))
+
+
+@numba.njit
+def by_events(trajectories, events, found, counts):  # type: ignore[no-untyped-def]
+    """Write the first impacts of every trajectory, from its stream of events."""
+    for i in range(len(trajectories)):
+        settle(trajectories[i])
+        while counts[i] < IMPACTS:
+            # One by one: the stream does not depend on the cuts.
+            if run(trajectories[i], events, LONGEST, 0.0) == 0:
+                break
+            if events[0].kind == IMPACT or events[0].kind == STICK:
+                impact = found[i, counts[i]]
+                impact.cycle = events[0].cycle
+                impact.phase = events[0].phase
+                impact.velocity = events[0].velocity
+                counts[i] += 1
+
+
+@pytest.mark.parametrize(
+    'kind', [everywhere, near_walls, from_rest, grazing, long_flights, damped])
+def test_scalar_and_lanes_give_the_same_bits(kind: Any) -> None:
+    """Of 20,000 starts of each kind, the first eight impacts, through sticking and release."""
+    starts = kind(np.random.default_rng(1), 20_000)
+    rows = new_impacts(STEPS)
+    lanes = np.zeros((len(starts), IMPACTS), rows.dtype)
+    scalar = np.zeros_like(lanes)
+    lane_counts, counts = np.zeros((2, len(starts)), int)
+    by_lanes(new_tiles(1)[0], rows, starts, lanes, lane_counts)
+    trajectories = np.zeros(len(starts), TRAJECTORY)
+    for name in START.names or ():
+        trajectories[name] = starts[name]
+    by_events(trajectories, np.zeros(1, EVENT), scalar, counts)
+    late = lanes['cycle'] >= LONGEST
+    lanes[late] = 0
+    assert np.array_equal(lane_counts - late.sum(1), counts)
+    assert counts.sum() > 3 * len(starts)
+    assert lanes.tobytes() == scalar.tobytes()
