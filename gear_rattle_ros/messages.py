@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 
 from .core.model import EVENT, EventArray
 from .core.points import decode_points, POINT, point_fields
+from .core.report_values import texts
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'
@@ -107,8 +108,7 @@ def diagnostic_array(name: str, hardware_id: str, level: str, message: str,
         message=message,
         hardware_id=hardware_id,
         values=[
-            KeyValue(key=key, value=repr(float(value)) if isinstance(value, float) else str(value))
-            for key, value in values.items()
+            KeyValue(key=key, value=text) for key, text in texts(values).items()
         ],
     )
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])

@@ -241,6 +241,35 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
     return count
 
 
+@kernel
+def state_at(trajectory, cycle, phase):  # type: ignore[no-untyped-def]
+    """
+    State at a moment before the next event.
+
+    Parameters
+    ----------
+    trajectory : TRAJECTORY record
+        The trajectory from its last event on.
+    cycle, phase : int, float
+        The moment: whole drive periods and phase [rad].
+
+    Returns
+    -------
+    tuple of float
+        s and s' [1].
+
+    """
+    t = trajectory
+    if t.mode == RESTING:
+        return t.displacement, 0.0
+    d = max(elapsed(cycle - t.cycle, t.phase, phase), 0.0)
+    if d == 0.0:
+        return t.displacement, t.velocity
+    sine, cosine = sine_cosine(t.phase)
+    moved, velocity, _, _ = displace(d, sine, cosine, t.velocity, t.alpha, t.beta, t.gamma)
+    return min(max(t.displacement + moved, -1.0), 0.0), velocity
+
+
 class Simulation:
     """
     One trajectory of the gear-rattling oscillator, advanced event by event.
@@ -435,16 +464,8 @@ class Simulation:
         return self._begin_epoch(EventKind.RESET)
 
     def _now(self) -> tuple[float, float]:
-        t = self._trajectory[0]
-        if t['mode'] == RESTING:
-            return float(t['displacement']), 0.0
-        d = max(elapsed(self._cycle - t['cycle'], t['phase'], self._phase), 0.0)
-        if d == 0.0:
-            return float(t['displacement']), float(t['velocity'])
-        sine, cosine = sine_cosine(t['phase'])
-        moved, velocity, _, _ = displace(
-            d, sine, cosine, t['velocity'], t['alpha'], t['beta'], t['gamma'])
-        return min(max(float(t['displacement'] + moved), -1.0), 0.0), velocity
+        displacement, velocity = state_at(self._trajectory[0], self._cycle, self._phase)
+        return float(displacement), float(velocity)
 
     def _move_to_present(self) -> None:
         # By rounding, the last event may lie an ulp beyond the moment asked for.

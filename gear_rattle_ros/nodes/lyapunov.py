@@ -9,6 +9,7 @@ from sensor_msgs.msg import JointState
 from .shell import EventInput, HoleLog, run_node, ShellNode
 from ..core.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.model import EventArray, Parameters, State
+from ..core.report_values import lyapunov_values
 from ..core.simulation import Simulation
 from ..messages import named_values, stamp_from_nanoseconds
 from ..parameters import LYAPUNOV
@@ -57,20 +58,8 @@ class Lyapunov(ShellNode):
         if now.index == 0 and now.impacts == 0 or now == self._published:
             return
         self._published = now
-        self._publisher.publish(named_values({
-            'lambda_1': now.lambda_1,
-            'lambda_2': now.lambda_2,
-            'lambda_1_error': now.lambda_1_error,
-            'lambda_2_error': now.lambda_2_error,
-            'sum': now.exponent_sum,
-            'exact_sum': now.exact_sum,
-            'lambda_1_finite': now.lambda_1_finite,
-            'window': now.window,
-            'mean_flight_time': now.mean_flight_time,
-            'epoch': now.epoch,
-            'impacts': now.impacts,
-            'index': now.index,
-        }, stamp_from_nanoseconds(self._stamp)))
+        self._publisher.publish(
+            named_values(lyapunov_values(now), stamp_from_nanoseconds(self._stamp)))
 
 
 def main(arguments: list[str] | None = None) -> int:

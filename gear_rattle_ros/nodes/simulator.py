@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .pacing import AcknowledgedPace, ClockPace
 from .shell import run_node, ShellNode
+from ..core.fingerprint import fingerprint
 from ..core.model import EventArray, Parameters, State
 from ..core.simulation import Simulation
 from ..messages import (
@@ -57,7 +58,7 @@ class Simulator(ShellNode):
             _model(values), _initial(values), noise=self.number('noise'),
             seed=int(values['seed']))
         # Compile, or load, every kernel before anybody waits for the first event.
-        Simulation(_model(values), _initial(values)).advance(1, 0.0, 2)
+        fingerprint()
         self._outbox: list[EventArray] = []
         self._start = self.get_clock().now().nanoseconds
         self._impacts = self.create_publisher(PointCloud2, 'impacts', STREAM)
@@ -105,6 +106,7 @@ class Simulator(ShellNode):
             **dataclasses.asdict(self._simulation.parameters),
             'noise': self._simulation.noise,
             'rate': self._rate,
+            'kernels': fingerprint(),
         }
 
     def close(self) -> None:

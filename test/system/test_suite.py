@@ -18,9 +18,9 @@ from gear_rattle_ros.bags import Bag
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
 from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.report_values import texts, transient_values
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import StreamGuard
-from gear_rattle_ros.nodes.transients import transient_values
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 
@@ -113,8 +113,7 @@ def test_recorded_transients_follow_from_the_recorded_events(run):
     """The reports on the bag are those of the detector fed with the recorded events."""
     bag = Bag(run[0] / 'bag')
     changes = TransientDetector().update(events_of(bag))
-    wanted = [{key: repr(value) if isinstance(value, float) else str(value)
-               for key, value in transient_values(change).items()} for change in changes]
+    wanted = [texts(transient_values(change) | {'tolerance': 1e-3}) for change in changes]
     found = [values_of(message) for message in recorded(bag, '/transient', DiagnosticArray)]
     # Latched with depth one: reports that were overtaken before they left may be missing.
     assert found and found[-1] == wanted[-1]

@@ -1,0 +1,39 @@
+"""A short name for the bits that the kernels give here."""
+
+import functools
+import hashlib
+from typing import Final
+
+from .model import Parameters, State
+from .simulation import Simulation
+
+# Chaos, a crisis, no damping, chatter and sticking, a plastic wall, flights without impacts.
+_CASES: Final = (
+    Parameters(0.57, 0.1, 0.1, 0.9), Parameters(1.244, 0.1, 0.1, 0.9),
+    Parameters(3.0, 0.0, 0.0, 1.0), Parameters(0.9, 0.3, -0.2, 0.4),
+    Parameters(2.0, 0.1, 0.5, 0.0), Parameters(8.0, 2.0, 1.0, 0.7),
+)
+_IMPACTS: Final = 400
+
+
+@functools.cache
+def fingerprint() -> str:
+    """
+    Name the bits of the events that the kernels compute on this machine.
+
+    A few runs, most of them chaotic, so that a difference of one bit in any flight shows. Where
+    the names agree, a stream recorded there is found again here bit for bit.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+
+    """
+    digest = hashlib.sha256()
+    for number, parameters in enumerate(_CASES):
+        simulation = Simulation(parameters, State(velocity=-0.3 - 0.1 * number))
+        digest.update(simulation.advance(_IMPACTS, 0.5, _IMPACTS).tobytes())
+        digest.update(simulation.retune(_CASES[number - 1]).tobytes())
+        digest.update(simulation.advance(2 * _IMPACTS, 1.0, _IMPACTS).tobytes())
+    return digest.hexdigest()[:16]

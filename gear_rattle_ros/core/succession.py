@@ -1,0 +1,402 @@
+"""Whether each record of a stream follows from the one before it, bit for bit."""
+
+import dataclasses
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from .compiled import kernel
+from .flight import elapsed, FLYING
+from .model import EVENT, EventArray, EventKind
+from .simulation import run, settle, state_at, TRAJECTORY, write_event
+
+IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
+FOLLOWS, DIFFERS, NUMBERING, BACKWARDS, OVERDUE, NOTHING = range(6)
+# Counts of impacts, of kicked ones and of epochs; and whether the last impact was kicked.
+IMPACTS, KICKED, EPOCHS, WAS_KICKED, COUNTS = range(5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Hole:
+    """
+    Records that are missing.
+
+    Attributes
+    ----------
+    after, before : int
+        Number of the last impact in front of the hole, and of the first record behind it.
+    epoch_after, epoch_before : int
+        Their epochs.
+    lost : int or None
+        Impacts missing; None where the numbers begin anew in mid-run.
+
+    """
+
+    after: int
+    before: int
+    epoch_after: int
+    epoch_before: int
+    lost: int | None
+
+    def describe(self) -> str:
+        """
+        Put the hole in words.
+
+        Returns
+        -------
+        str
+            A clause.
+
+        """
+        if self.lost is None:
+            return (f'the numbers begin anew at impact {self.before}, epoch {self.epoch_before}, '
+                    f'behind impact {self.after}, epoch {self.epoch_after}')
+        if self.lost:
+            first, last = (self.after + 1) % 2**32, (self.after + self.lost) % 2**32
+            what = f'impacts {first} to {last} ({self.lost}) are missing'
+        else:
+            what = f'records behind impact {self.after} are missing'
+        if self.epoch_after == self.epoch_before:
+            return f'{what}, epoch {self.epoch_after}'
+        return f'{what}, epochs {self.epoch_after} to {self.epoch_before}'
+
+
+@dataclasses.dataclass(frozen=True)
+class Contradiction:
+    """
+    A record that does not follow from the one before it.
+
+    Attributes
+    ----------
+    place : int
+        Its place in the batch; -1 for the last record of the batch before.
+    index, epoch : int
+        Its number and epoch.
+    what : str
+        What it says and what follows, in words.
+
+    """
+
+    place: int
+    index: int
+    epoch: int
+    what: str
+
+
+@kernel
+def same(a: float, b: float) -> bool:
+    """
+    Compare two finite numbers by their bits.
+
+    Parameters
+    ----------
+    a, b : float
+        The numbers [1].
+
+    Returns
+    -------
+    bool
+        Whether they are equal, the sign of a zero included.
+
+    """
+    return a == b and math.copysign(1.0, a) == math.copysign(1.0, b)
+
+
+@kernel
+def depart(trajectory, event):  # type: ignore[no-untyped-def]
+    """
+    Put a trajectory where a record leaves it.
+
+    Parameters
+    ----------
+    trajectory : TRAJECTORY record
+        Changed in place; without noise.
+    event : EVENT record
+        The record.
+
+    """
+    t = trajectory
+    t.cycle = event.cycle
+    t.phase = event.phase
+    t.displacement = event.displacement
+    t.velocity = event.velocity_after
+    t.index = event.index
+    t.epoch = event.epoch
+    t.alpha = event.alpha
+    t.beta = event.beta
+    t.gamma = event.gamma
+    t.restitution = event.restitution
+    t.noise = 0.0
+    settle(t)
+    if event.kind == RELEASE:
+        t.mode = FLYING
+
+
+@kernel
+def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-untyped-def]
+    """
+    Rebuild what comes after a record and hold the next one against it.
+
+    Parameters
+    ----------
+    before, event : EVENT record
+        A record and the next.
+    trajectory : TRAJECTORY record
+        Room to work in.
+    room : ndarray of EVENT, shape (1,)
+        Filled with the record expected.
+    kicks : ndarray of int64, shape (COUNTS,)
+        WAS_KICKED is set to whether noise has changed the velocity after this impact.
+
+    Returns
+    -------
+    int
+        FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in time),
+        OVERDUE (an event was due before it, in `room`) or NOTHING (was due so soon).
+
+    """
+    p, q, t = before, event, trajectory
+    kicks[WAS_KICKED] = 0
+    counted = 1 if q.kind <= STICK else 0
+    begins = 1 if q.kind >= RETUNE else 0
+    is_numbered = (np.uint32(q.index - p.index) == counted
+                   and np.uint32(q.epoch - p.epoch) == begins)
+    cycles = np.int64(np.uint32(q.cycle - p.cycle))
+    if cycles >= 2**31 or elapsed(cycles, p.phase, q.phase) < 0.0:
+        return BACKWARDS if is_numbered else NUMBERING
+    depart(t, p)
+    e = room[0]
+    if q.kind >= RETUNE:
+        if not is_numbered:
+            return NUMBERING
+        # A reset takes place less than a period after the moment up to which all was told.
+        until = t.cycle + cycles - (1 if q.kind == RESET else 0)
+        if elapsed(until - t.cycle, p.phase, q.phase) > 0.0 and run(t, room, until, q.phase):
+            return OVERDUE
+        if q.kind == RESET:
+            t.displacement, velocity = q.displacement, q.velocity
+        else:
+            t.displacement, velocity = state_at(t, np.int64(p.cycle) + cycles, q.phase)
+            t.alpha, t.beta, t.gamma, t.restitution = q.alpha, q.beta, q.gamma, q.restitution
+        t.velocity = velocity
+        t.epoch += 1
+        t.cycle = q.cycle
+        t.phase = q.phase
+        write_event(e, q.kind, t, velocity)
+    elif not run(t, room, t.cycle + cycles + 1, q.phase):
+        return NOTHING if is_numbered else NUMBERING
+    is_same = (
+        e.cycle == q.cycle and same(e.phase, q.phase) and same(e.displacement, q.displacement)
+        and same(e.velocity, q.velocity) and same(e.alpha, q.alpha) and same(e.beta, q.beta)
+        and same(e.gamma, q.gamma) and same(e.restitution, q.restitution))
+    if not is_numbered:
+        # Where all else follows, it is the numbers that are wrong, not records that are missing.
+        return DIFFERS if is_same else NUMBERING
+    if not is_same:
+        return DIFFERS
+    if e.kind == q.kind and same(e.velocity_after, q.velocity_after):
+        return FOLLOWS
+    towards = 1.0 if q.displacement == 0.0 else -1.0
+    if q.kind == IMPACT and e.kind <= STICK and towards * q.velocity_after <= 0.0:
+        kicks[WAS_KICKED] = 1
+        return FOLLOWS
+    return DIFFERS
+
+
+@kernel
+def follow_steps(last, events, trajectory, room, counts, unkicked):  # type: ignore[no-untyped-def]
+    """
+    Hold records against those before them up to the first that does not follow.
+
+    Parameters
+    ----------
+    last : ndarray of EVENT, shape (1,)
+        The record before; changed in place to the last that follows.
+    events : ndarray of EVENT, shape (n,)
+        The records.
+    trajectory : TRAJECTORY record
+        Room to work in.
+    room : ndarray of EVENT, shape (1,)
+        Filled with the record expected.
+    counts : ndarray of int64, shape (COUNTS,)
+        Counted on.
+    unkicked : ndarray of float, shape (1,)
+        Filled with the velocity after the last impact if it had not been kicked [1].
+
+    Returns
+    -------
+    tuple of int
+        How many records follow, and why the next does not; FOLLOWS if all do.
+
+    """
+    for i in range(len(events)):
+        kicked = counts[WAS_KICKED]
+        what = compare_step(last[0], events[i], trajectory, room, counts)
+        if what != FOLLOWS:
+            counts[WAS_KICKED] = kicked
+            return i, what
+        kind = events[i].kind
+        counts[IMPACTS] += 1 if kind <= STICK else 0
+        counts[EPOCHS] += 1 if kind >= RETUNE else 0
+        counts[KICKED] += counts[WAS_KICKED]
+        unkicked[0] = room[0].velocity_after
+        last[0] = events[i]
+    return len(events), FOLLOWS
+
+
+class Succession:
+    """
+    Rebuild every flight of a stream, given in batches, and find its records again.
+
+    An impact may have been kicked by noise: its velocity afterwards is then taken as it is, and
+    what follows must follow from it.
+
+    Attributes
+    ----------
+    holes : list of Hole
+        Where records are missing.
+    runs : int
+        Runs seen, each from its first reset on.
+    events, flights : int
+        Records seen, and steps from one to the next that were rebuilt.
+
+    """
+
+    def __init__(self) -> None:
+        self.holes: list[Hole] = []
+        self.runs = 0
+        self.events = 0
+        self.flights = 0
+        self._counts = np.zeros(COUNTS, np.int64)
+        self._last: EventArray | None = None
+        self._room = np.zeros(1, EVENT)
+        self._unkicked = np.zeros(1)
+        self._trajectory: Any = np.zeros(1, TRAJECTORY)[0]
+
+    @property
+    def impacts(self) -> int:
+        """Return the impacts seen."""
+        return int(self._counts[IMPACTS])
+
+    @property
+    def kicked(self) -> int:
+        """Return the impacts that noise has kicked."""
+        return int(self._counts[KICKED])
+
+    @property
+    def epochs(self) -> int:
+        """Return the epochs seen, each from its retune or reset on."""
+        return int(self._counts[EPOCHS])
+
+    def take(self, events: EventArray) -> Contradiction | None:
+        """
+        Take the next batch; nothing more after a contradiction.
+
+        Parameters
+        ----------
+        events : ndarray of EVENT, shape (n,)
+            The records.
+
+        Returns
+        -------
+        Contradiction or None
+            The first record that does not follow, if there is one.
+
+        """
+        done = 0
+        if self._last is None and len(events):
+            done = self._begin(events[:1])
+        while done < len(events):
+            assert self._last is not None
+            count, what = follow_steps(
+                self._last, events[done:], self._trajectory, self._room, self._counts,
+                self._unkicked)
+            self.flights += count
+            self.events += count
+            done += count
+            if what == FOLLOWS:
+                break
+            record = events[done:done + 1]
+            # Batches get lost, not records out of their middle.
+            if done or not self._is_hole(record[0], what):
+                return self._contradiction(done, record, what)
+            done += self._begin(record)
+        return None
+
+    def _begin(self, record: EventArray) -> int:
+        first = record[0]
+        last = self._last
+        is_new = (first['kind'] == RESET and first['index'] == 0 and first['epoch'] == 0)
+        if last is not None and not is_new:
+            before = last[0]
+            counted = int(first['kind'] <= STICK)
+            jump = (int(first['index']) - int(before['index']) - counted) % 2**32
+            self.holes.append(Hole(
+                int(before['index']), int(first['index']), int(before['epoch']),
+                int(first['epoch']), jump if jump < 2**31 else None))
+        self.runs += int(is_new or last is None)
+        self.events += 1
+        self._counts[IMPACTS] += int(first['kind'] <= STICK)
+        self._counts[EPOCHS] += 1
+        self._counts[WAS_KICKED] = 0
+        self._last = record.copy()
+        return 1
+
+    def _is_hole(self, record: Any, what: int) -> bool:
+        assert self._last is not None
+        before = self._last[0]
+        # A batch with nothing but a release leaves no gap in the numbers.
+        without_release = before['kind'] == STICK and record['kind'] <= STICK
+        is_new = record['kind'] == RESET and record['index'] == 0 and record['epoch'] == 0
+        return bool(what == NUMBERING or without_release or is_new)
+
+    def _contradiction(self, place: int, record: EventArray, what: int) -> Contradiction:
+        assert self._last is not None
+        before, found, expected = self._last, record[0], self._room[0].copy()
+        if self._counts[WAS_KICKED]:
+            # Not the record is wrong but the kick before it, if all is well without that.
+            mended = before.copy()
+            mended['velocity_after'] = self._unkicked[0]
+            scratch = np.zeros(COUNTS, np.int64)
+            if compare_step(mended[0], found, self._trajectory, self._room, scratch) == FOLLOWS:
+                wrong = before[0]
+                return Contradiction(
+                    place - 1, int(wrong['index']), int(wrong['epoch']),
+                    _sentence('velocity_after', wrong, mended[0]))
+        return Contradiction(
+            place, int(found['index']), int(found['epoch']),
+            _words(what, before[0], found, expected))
+
+
+def _words(what: int, before: Any, found: Any, expected: Any) -> str:
+    if what == DIFFERS:
+        names: Final = ('kind', 'cycle', 'phase', 'displacement', 'velocity', 'velocity_after',
+                        'alpha', 'beta', 'gamma', 'restitution', 'index', 'epoch')
+        for name in names:
+            if found[name].tobytes() != expected[name].tobytes():
+                return _sentence(name, found, expected)
+    moment = f'drive period {found["cycle"]}, phase {found["phase"].item()!r}'
+    if what == OVERDUE:
+        return (f'{_kind(expected)} in drive period {expected["cycle"]}, phase '
+                f'{expected["phase"].item()!r} is due before it, {moment}')
+    if what == BACKWARDS:
+        return (f'it is at {moment}, earlier than the record before it, drive period '
+                f'{before["cycle"]}, phase {before["phase"].item()!r}')
+    if what == NOTHING:
+        return f'{_kind(found)} is recorded at {moment}, where nothing is due'
+    begins = int(found['kind'] >= RETUNE)
+    counted = int(found['kind'] <= STICK)
+    return (f'index is {found["index"]} and epoch {found["epoch"]}, expected '
+            f'{(int(before["index"]) + counted) % 2**32} and '
+            f'{(int(before["epoch"]) + begins) % 2**32}')
+
+
+def _kind(record: Any) -> str:
+    return f'a {EventKind(int(record["kind"])).name.lower()}'
+
+
+def _sentence(name: str, found: Any, expected: Any) -> str:
+    if name == 'kind':
+        return f'kind is {_kind(found)[2:]}, expected {_kind(expected)[2:]}'
+    return f'{name} is {found[name].item()!r}, expected {expected[name].item()!r}'
