@@ -25,12 +25,14 @@ EXECUTABLES = {
     'lyapunov': 'nodes.lyapunov',
     'orbit_diagram': 'offline.orbit_diagram',
     'recorder': 'nodes.recorder',
+    'recover': 'offline.recover',
     'replay': 'nodes.replay',
     'section': 'offline.section',
     'simulator': 'nodes.simulator',
     'suite': 'nodes.suite',
     'summary': 'offline.summary',
     'transients': 'nodes.transients',
+    'verify': 'offline.verify',
     'viewer': 'nodes.viewer',
 }
 

@@ -111,16 +111,7 @@ class Bag:
             If there is no such topic, or no EVENT in it.
 
         """
-        if not topic:
-            found = [name for name, known in self.topics.items()
-                     if known.type_name == POINT_CLOUD and name.split('/')[-1] == 'impacts']
-            if len(found) != 1:
-                raise BagError(f'{self.path}: has {len(found)} topics named impacts; name one of '
-                               f'{", ".join(sorted(self.topics)) or "none"}')
-            topic = found[0]
-        elif topic not in self.topics:
-            raise BagError(f'{self.path}: has no topic {topic}; there are '
-                           f'{", ".join(sorted(self.topics)) or "none"}')
+        topic = self.find_impacts(topic)
         decoder = CloudDecoder()
         for message in self.messages([topic]):
             try:
@@ -128,6 +119,38 @@ class Bag:
             except ValueError as error:
                 raise BagError(f'{self.path}: {topic} at {message.log_time} ns: {error}') from None
             yield events
+
+    def find_impacts(self, topic: str = '') -> str:
+        """
+        Return the name of the topic with the EVENT records.
+
+        Parameters
+        ----------
+        topic : str
+            Its name; without it, the one whose last part is ``impacts``.
+
+        Returns
+        -------
+        str
+            The name.
+
+        Raises
+        ------
+        BagError
+            If there is no such topic, or more than one.
+
+        """
+        names = ', '.join(sorted(self.topics)) or 'none'
+        if topic:
+            if topic not in self.topics:
+                raise BagError(f'{self.path}: has no topic {topic}; there are {names}')
+            return topic
+        found = [name for name, known in self.topics.items()
+                 if known.type_name == POINT_CLOUD and name.split('/')[-1] == 'impacts']
+        if len(found) != 1:
+            raise BagError(
+                f'{self.path}: has {len(found)} topics named impacts; name one of {names}')
+        return found[0]
 
 
 def _find_files(path: Path) -> list[Path]:

@@ -13,8 +13,11 @@ from .simulation import run, settle, state_at, TRAJECTORY, write_event
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 FOLLOWS, DIFFERS, NUMBERING, BACKWARDS, OVERDUE, NOTHING = range(6)
-# Counts of impacts, of kicked ones and of epochs; and whether the last impact was kicked.
-IMPACTS, KICKED, EPOCHS, WAS_KICKED, COUNTS = range(5)
+# Counts of impacts, of kicked ones and of epochs; whether the last record, and the last impact,
+# was kicked.
+IMPACTS, KICKED, EPOCHS, WAS_KICKED, IN_NOISE, COUNTS = range(6)
+# Noise has not just begun with a kick so small, relative to the velocity.
+SMALLEST_KICK: Final = 4 * 2.0**-52
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +150,7 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
     room : ndarray of EVENT, shape (1,)
         Filled with the record expected.
     kicks : ndarray of int64, shape (COUNTS,)
-        WAS_KICKED is set to whether noise has changed the velocity after this impact.
+        WAS_KICKED and IN_NOISE tell whether noise has changed the velocity after an impact.
 
     Returns
     -------
@@ -196,12 +199,18 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
     if not is_same:
         return DIFFERS
     if e.kind == q.kind and same(e.velocity_after, q.velocity_after):
+        if counted:
+            kicks[IN_NOISE] = 0
         return FOLLOWS
     towards = 1.0 if q.displacement == 0.0 else -1.0
-    if q.kind == IMPACT and e.kind <= STICK and towards * q.velocity_after <= 0.0:
-        kicks[WAS_KICKED] = 1
-        return FOLLOWS
-    return DIFFERS
+    if q.kind != IMPACT or e.kind > STICK or towards * q.velocity_after > 0.0:
+        return DIFFERS
+    kick = abs(q.velocity_after - e.velocity_after)
+    if not kicks[IN_NOISE] and kick <= SMALLEST_KICK * abs(e.velocity_after):
+        return DIFFERS
+    kicks[WAS_KICKED] = 1
+    kicks[IN_NOISE] = 1
+    return FOLLOWS
 
 
 @kernel
@@ -339,7 +348,7 @@ class Succession:
         self.events += 1
         self._counts[IMPACTS] += int(first['kind'] <= STICK)
         self._counts[EPOCHS] += 1
-        self._counts[WAS_KICKED] = 0
+        self._counts[WAS_KICKED] = self._counts[IN_NOISE] = 0
         self._last = record.copy()
         return 1
 
@@ -371,8 +380,11 @@ class Succession:
 
 def _words(what: int, before: Any, found: Any, expected: Any) -> str:
     if what == DIFFERS:
-        names: Final = ('kind', 'cycle', 'phase', 'displacement', 'velocity', 'velocity_after',
-                        'alpha', 'beta', 'gamma', 'restitution', 'index', 'epoch')
+        names = ['index', 'epoch', 'cycle', 'phase', 'displacement', 'velocity', 'alpha', 'beta',
+                 'gamma', 'restitution', 'kind', 'velocity_after']
+        if (found['kind'] <= STICK) != (expected['kind'] <= STICK):
+            names.insert(0, 'kind')
+        # What noise may have changed comes last.
         for name in names:
             if found[name].tobytes() != expected[name].tobytes():
                 return _sentence(name, found, expected)
