@@ -23,8 +23,8 @@ from .topics import BagError, Topic
 
 # In a file without an index, messages are put in order if they are off by no more than this [ns].
 _WINDOW: Final = 2_000_000_000
-_BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struct.error,
-                  KeyError, UnicodeDecodeError, ValueError, OverflowError, MemoryError)
+BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struct.error,
+                 KeyError, UnicodeDecodeError, ValueError, OverflowError, MemoryError)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
         raise
     except OSError as error:
         raise BagError(f'{path}: cannot be read: {error.strerror}') from None
-    except _BROKEN as error:
+    except BROKEN as error:
         what = str(error) or type(error).__name__
         raise BagError(f'{path}: is damaged or no MCAP file: {what}') from None
 
@@ -101,12 +101,15 @@ def scan(stream: IO[bytes]) -> Contents:
 
 
 def _add_topic(contents: Contents, channel: Channel, schemas: dict[int, Schema]) -> None:
-    schema = schemas[channel.schema_id]
     contents.counts.setdefault(channel.topic, 0)
-    contents.topics.setdefault(channel.topic, Topic(
+    contents.topics.setdefault(channel.topic, describe_topic(channel, schemas[channel.schema_id]))
+
+
+def describe_topic(channel: Channel, schema: Schema) -> Topic:
+    return Topic(
         channel.topic, schema.name, schema.data.decode('utf-8', 'replace'),
         channel.metadata.get('topic_type_hash', ''),
-        _parse_qos(channel.metadata.get('offered_qos_profiles', ''))))
+        _parse_qos(channel.metadata.get('offered_qos_profiles', '')), schema.encoding)
 
 
 def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:

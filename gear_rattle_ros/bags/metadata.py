@@ -142,7 +142,10 @@ def file_names(directory: Path) -> list[str]:
         if information['storage_identifier'] != 'mcap':
             raise BagError(
                 f'{path}: storage is {information["storage_identifier"]!r}, not mcap')
-        return [str(name) for name in information['relative_file_paths']]
+        names = list(information['relative_file_paths'])
+        if not all(isinstance(name, str) and name == Path(name).name for name in names):
+            raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
+        return names
     except FileNotFoundError:
         return sorted(
             (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))

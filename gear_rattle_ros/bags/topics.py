@@ -21,13 +21,14 @@ class BagError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """A topic as a bag records it."""
+    """A topic as a bag records it; `encoding` is the language of its definition."""
 
     name: str
     type_name: str
     definition: str
     type_hash: str
     offered_qos: tuple[Qos, ...]
+    encoding: str = 'ros2msg'
 
 
 def message_definition(type_name: str, share: Callable[[str], str]) -> str:

@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from . import metadata
@@ -85,6 +87,8 @@ class BagWriter:
         self._whole: dict[str, Any] = {}
         self._whole_size = 0
         self._open_chunk = 0
+        # Written once more behind the chunk they stand in: its loss would be that of all.
+        self._repeated = RecordBuilder()
         try:
             directory.mkdir(parents=True)
             self.path = directory / f'{directory.resolve().name}_0.mcap'
@@ -124,12 +128,16 @@ class BagWriter:
         with self._guarded():
             if topic.type_name not in self._schemas:
                 self._schemas[topic.type_name] = self._writer.register_schema(
-                    topic.type_name, 'ros2msg', topic.definition.encode())
-            channel = self._writer.register_channel(
-                topic.name, 'cdr', self._schemas[topic.type_name], {
-                    'offered_qos_profiles': offered,
-                    'topic_type_hash': topic.type_hash,
-                })
+                    topic.type_name, topic.encoding, topic.definition.encode())
+            described = {
+                'offered_qos_profiles': offered,
+                'topic_type_hash': topic.type_hash,
+            }
+            schema = self._schemas[topic.type_name]
+            channel = self._writer.register_channel(topic.name, 'cdr', schema, described)
+        Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(
+            self._repeated)
+        Channel(channel, topic.name, 'cdr', described, schema).write(self._repeated)
         self._topics[channel] = topic
         self._counts[channel] = 0
         return channel
@@ -245,6 +253,8 @@ class BagWriter:
 
     def _settle(self) -> None:
         self._open_chunk = 0
+        if self._repeated.count:
+            self._file.write(self._repeated.end())
         self._whole_size = self._file.size
         self._whole = metadata.document(
             self.path.name,

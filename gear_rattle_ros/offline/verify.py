@@ -1,16 +1,28 @@
 """Verify a bag from itself: rebuild every flight and find each record again, bit for bit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+import contextlib
 import dataclasses
+import functools
+import itertools
 from pathlib import Path
 import time
+from typing import Final
+
+import numpy as np
 
 from .plain import attempt, Parser
 from .recomputed import Exponents, Transients
 from ..bags import Bag, CloudDecoder
 from ..bags.small_messages import Named, read_diagnostics, read_joint_state
 from ..core.fingerprint import fingerprint
+from ..core.model import EVENT, EventArray
+from ..core.stream import StreamGuard
 from ..core.succession import Hole, Succession
+
+# Batches looked at together.
+_GROUP: Final = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,47 +139,31 @@ def verify(path: Path, topic: str = '') -> Verdict:
     bag = Bag(path)
     impacts = bag.find_impacts(topic)
     beside = impacts.rpartition('/')[0]
-    exponents = Exponents(_read(bag, f'{beside}/lyapunov', lambda data: [read_joint_state(data)]))
-    transients = Transients(_read(bag, f'{beside}/transient', read_diagnostics))
-    kernels = {status.values['kernels'] for status in _read(bag, '/diagnostics', read_diagnostics)
-               if 'kernels' in status.values}
-    succession = Succession()
-    decoder = CloudDecoder()
-    fault = ''
-    before: int | None = None
-    for number, message in enumerate(bag.messages([impacts])):
-        where = f'message {number} of {impacts}'
-        try:
-            stamp = decoder.parse(message.data).stamp
-            events = decoder.events(message.data)
-        except ValueError as error:
-            fault = f'{where}: {error}'
-            break
-        if not len(events):
-            continue
-        discontinuities = (len(succession.holes), succession.runs)
-        wrong = succession.take(events)
-        if wrong is not None:
-            place = f'record {wrong.place} of {where}' if wrong.place >= 0 else \
-                f'the last record before {where}'
-            fault = f'{place}, impact {wrong.index}, epoch {wrong.epoch}: {wrong.what}'
-            break
-        if before is not None and stamp != before:
-            transients.end_stamp(before)
-        before = stamp
-        is_first = discontinuities != (len(succession.holes), succession.runs)
-        exponents.take(events, stamp, is_first)
-        transients.take(events, stamp, is_first)
-        if exponents.tally.fault or transients.tally.fault:
-            break
-    if before is not None and not fault:
-        transients.end_stamp(before)
+    told = _read(bag, {
+        f'{beside}/lyapunov': lambda data: [read_joint_state(data)],
+        f'{beside}/transient': read_diagnostics,
+        '/diagnostics': read_diagnostics,
+    })
+    exponents, transients = Exponents(told[0]), Transients(told[1])
+    kernels = {status.values['kernels'] for status in told[2] if 'kernels' in status.values}
+    steps = _Steps(impacts)
+    analyses = _Analyses(exponents, transients)
+    # Both let go of the interpreter where the time is spent.
+    with ThreadPoolExecutor(1) as pool:
+        for batches in _grouped(_batches(bag, impacts)):
+            checking = pool.submit(steps.take, batches)
+            analyses.take(batches)
+            checking.result()
+            if steps.fault or analyses.has_failed:
+                break
+    analyses.end_stamp()
+    succession = steps.succession
     tallies = exponents.finish(), transients.finish()
     return Verdict(
         succession.events, succession.impacts, succession.kicked, succession.flights,
         succession.epochs, succession.runs, tallies[0].found, tallies[1].found,
         sum(tally.beyond for tally in tallies), tuple(succession.holes),
-        fault or tallies[0].fault or tallies[1].fault, frozenset(kernels), bag.is_whole,
+        steps.fault or tallies[0].fault or tallies[1].fault, frozenset(kernels), bag.is_whole,
         time.monotonic() - began)
 
 
@@ -199,17 +195,91 @@ def main(arguments: list[str] | None = None) -> int:
         print(f'{path}: {verdict.describe()}', flush=True)
         return 0 if verdict.is_verified else 1
 
-    return max(attempt('verify', lambda path=path: one(path)) for path in given.bags)
+    return max(attempt('verify', functools.partial(one, path)) for path in given.bags)
 
 
-def _read(bag: Bag, name: str, decode: Callable[[bytes], list[Named]]) -> list[Named]:
-    if name not in bag.topics:
-        return []
-    found = []
-    for message in bag.messages([name]):
+@dataclasses.dataclass(frozen=True)
+class _Batch:
+    """A message with its events, or with why it has none."""
+
+    number: int
+    stamp: int
+    events: EventArray
+    fault: str
+
+
+class _Steps:
+    """The flights from one record to the next."""
+
+    def __init__(self, topic: str) -> None:
+        self.succession = Succession()
+        self.fault = ''
+        self._topic = topic
+
+    def take(self, batches: Sequence[_Batch]) -> None:
+        for batch in batches:
+            where = f'message {batch.number} of {self._topic}'
+            if batch.fault:
+                self.fault = f'{where}: {batch.fault}'
+                return
+            wrong = self.succession.take(batch.events)
+            if wrong is not None:
+                place = f'record {wrong.place} of {where}' if wrong.place >= 0 else \
+                    f'the last record before {where}'
+                self.fault = f'{place}, impact {wrong.index}, epoch {wrong.epoch}: {wrong.what}'
+                return
+
+
+class _Analyses:
+    """The exponents and transients, and where a stretch of the stream begins for them."""
+
+    def __init__(self, exponents: Exponents, transients: Transients) -> None:
+        self._exponents = exponents
+        self._transients = transients
+        self._guard = StreamGuard()
+        self._stamp: int | None = None
+
+    @property
+    def has_failed(self) -> bool:
+        return bool(self._exponents.tally.fault or self._transients.tally.fault)
+
+    def take(self, batches: Sequence[_Batch]) -> None:
+        for batch in batches:
+            if batch.fault or self.has_failed:
+                return
+            if not len(batch.events):
+                continue
+            if batch.stamp != self._stamp:
+                self.end_stamp()
+                self._stamp = batch.stamp
+            is_first = not self._guard.split(batch.events)[0].follows
+            self._exponents.take(batch.events, batch.stamp, is_first)
+            self._transients.take(batch.events, batch.stamp, is_first)
+
+    def end_stamp(self) -> None:
+        if self._stamp is not None:
+            self._transients.end_stamp(self._stamp)
+
+
+def _batches(bag: Bag, topic: str) -> Iterator[_Batch]:
+    decoder = CloudDecoder()
+    for number, message in enumerate(bag.messages([topic])):
         try:
-            found += decode(message.data)
-        except ValueError:
-            # Of another type under the same name: nothing that can be recomputed.
-            continue
-    return found
+            stamp = decoder.parse(message.data).stamp
+            yield _Batch(number, stamp, decoder.events(message.data), '')
+        except ValueError as error:
+            yield _Batch(number, 0, np.empty(0, EVENT), str(error))
+
+
+def _grouped(batches: Iterator[_Batch]) -> Iterator[list[_Batch]]:
+    while group := list(itertools.islice(batches, _GROUP)):
+        yield group
+
+
+def _read(bag: Bag, decoders: Mapping[str, Callable[[bytes], list[Named]]]) -> list[list[Named]]:
+    found: dict[str, list[Named]] = {name: [] for name in decoders}
+    for message in bag.messages([name for name in decoders if name in bag.topics]):
+        # Of another type under the same name, it is nothing that can be recomputed.
+        with contextlib.suppress(ValueError):
+            found[message.topic] += decoders[message.topic](message.data)
+    return list(found.values())

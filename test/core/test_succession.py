@@ -11,7 +11,7 @@ FLOATS = [name for name in EVENT.names or () if EVENT[name] == np.float64]
 
 
 def story(noise: float = 0.0, start: State | None = None) -> list[EventArray]:
-    """Return a steered run, in batches: retunes, a ramp, resets, sticking, flights of many legs."""
+    """Return a steered run in batches: retunes, a ramp, resets, sticking, flights of many legs."""
     s = Simulation(Parameters(0.57), start or State(velocity=-0.5), noise=noise, seed=7)
     batches = [s.advance(2**40, 0.0, 500)]
     for number in range(40):

@@ -1,0 +1,214 @@
+"""Make a clean bag of one that was cut off or damaged, and say what is missing."""
+
+from collections.abc import Iterable
+import dataclasses
+from pathlib import Path
+
+from .plain import attempt, Parser
+from ..bags import BagError, BagWriter, CloudDecoder
+from ..bags.clouds import POINT_CLOUD
+from ..bags.metadata import file_names
+from ..bags.salvage import Damage, Salvage
+from ..core.model import EventArray
+from ..core.stream import StreamGuard
+from ..core.succession import Hole
+
+
+class Accounts:
+    """What of a stream of events is there, and what is missing, by index and epoch."""
+
+    def __init__(self) -> None:
+        self.events = 0
+        self.first: tuple[int, int] | None = None
+        self.last: tuple[int, int] | None = None
+        self.holes: list[Hole] = []
+        self._guard = StreamGuard()
+
+    def take(self, events: EventArray) -> None:
+        """
+        Take the next batch.
+
+        Parameters
+        ----------
+        events : ndarray of EVENT, shape (n,)
+            The records.
+
+        """
+        for piece in self._guard.split(events):
+            first = int(piece.events['index'][0]), int(piece.events['epoch'][0])
+            if self.last is not None and piece.reason in ('gap', 'restart') and first != (0, 0):
+                self.holes.append(Hole(
+                    self.last[0], first[0], self.last[1], first[1],
+                    piece.lost if piece.reason == 'gap' else None))
+            self.first = self.first or first
+            self.last = int(piece.events['index'][-1]), int(piece.events['epoch'][-1])
+            self.events += len(piece.events)
+
+
+@dataclasses.dataclass(frozen=True)
+class Recovery:
+    """
+    What was recovered.
+
+    Attributes
+    ----------
+    messages : int
+        In the new bag.
+    nameless : int
+        Messages of topics that are described nowhere.
+    damages : tuple of (Path, Damage)
+        Stretches of the files from which nothing could be read.
+    unclosed : tuple of Path
+        Files that were cut off.
+    accounts : dict of str to Accounts
+        Of the topics of events.
+
+    """
+
+    messages: int
+    nameless: int
+    damages: tuple[tuple[Path, Damage], ...]
+    unclosed: tuple[Path, ...]
+    accounts: dict[str, Accounts]
+
+    def describe(self) -> list[str]:
+        """
+        Put it in words.
+
+        Returns
+        -------
+        list of str
+            A line for every fact.
+
+        """
+        lines = [f'{self.messages} messages recovered']
+        for path, damage in self.damages:
+            lines.append(f'{path}: {damage.end - damage.start} bytes from {damage.start} on are '
+                         'unreadable')
+        lines += [f'{path}: was not closed properly' for path in self.unclosed]
+        if self.nameless:
+            lines.append(f'{self.nameless} messages are left out: their topics are unknown')
+        for name, accounts in self.accounts.items():
+            if accounts.first is None or accounts.last is None:
+                lines.append(f'{name}: no events')
+                continue
+            lines.append(
+                f'{name}: {accounts.events} events, from impact {accounts.first[0]}, epoch '
+                f'{accounts.first[1]}, to impact {accounts.last[0]}, epoch {accounts.last[1]}')
+            lines += [f'{name}: {hole.describe()}' for hole in accounts.holes]
+            if self.unclosed:
+                lines.append(f'{name}: what came behind impact {accounts.last[0]} is lost')
+        return lines
+
+
+def recover(path: Path, output: Path) -> Recovery:
+    """
+    Copy everything that can be read into a new bag.
+
+    Parameters
+    ----------
+    path : Path
+        A bag directory or an .mcap file; it is only read.
+    output : Path
+        Bag directory to be made.
+
+    Returns
+    -------
+    Recovery
+        What is there and what is missing.
+
+    Raises
+    ------
+    BagError
+        If there is no bag, nothing is left in it, or the output exists or cannot be written.
+
+    """
+    if path.is_dir() and output.resolve().is_relative_to(path.resolve()):
+        raise BagError(f'{output}: lies in the bag to be recovered, choose another name')
+    # All of them, before anything is written.
+    parts = [(file, Salvage(file)) for file in _find(path)]
+    if not any(True for _, part in parts for _ in part.messages()):
+        raise BagError(f'{path}: nothing in it can be recovered')
+    writer = BagWriter(output)
+    accounts: dict[str, Accounts] = {}
+    try:
+        _copy((part for _, part in parts), writer, accounts)
+        writer.close()
+    except BaseException:
+        writer.abandon()
+        raise
+    return Recovery(
+        writer.messages, sum(part.nameless for _, part in parts),
+        tuple((file, damage) for file, part in parts for damage in part.damages),
+        tuple(file for file, part in parts if not part.is_closed), accounts)
+
+
+def _copy(parts: Iterable[Salvage], writer: BagWriter, accounts: dict[str, Accounts]) -> None:
+    channels: dict[tuple[str, str], int] = {}
+    decoder = CloudDecoder()
+    for part in parts:
+        for topic, message in part.messages():
+            key = (topic.name, topic.type_name)
+            if key not in channels:
+                channels[key] = writer.add_topic(topic)
+            writer.write(channels[key], message.log_time, message.publish_time,
+                         message.sequence, message.data)
+            if topic.type_name == POINT_CLOUD and topic.name.split('/')[-1] == 'impacts':
+                account = accounts.setdefault(topic.name, Accounts())
+                try:
+                    account.take(decoder.events(message.data))
+                except ValueError:
+                    # No EVENT in it: copied as it is, and not counted.
+                    continue
+
+
+def _find(path: Path) -> list[Path]:
+    if not path.exists():
+        raise BagError(f'{path}: does not exist')
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob('*.mcap'), key=lambda file: (len(file.name), file.name))
+    try:
+        listed = [path / name for name in file_names(path)]
+    except (BagError, OSError):
+        listed = []
+    # What metadata.yaml does not know of, or wrongly, is part of it all the same.
+    ordered = [file for file in listed if file in files]
+    ordered += [file for file in files if file not in ordered]
+    if not ordered:
+        raise BagError(f'{path}: has no .mcap file')
+    return ordered
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Recover a bag.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 2 with one line that says why.
+
+    """
+    parser = Parser(prog='recover', description=(
+        'Copy everything that can still be read of a cut or damaged bag into a new one with an '
+        'index, and say what is missing. The bag itself is never touched.'))
+    parser.add_argument('bag', metavar='BAG', type=Path, help='bag directory or .mcap file')
+    parser.add_argument('output', nargs='?', metavar='OUTPUT', type=Path,
+                        help='bag directory to make; default: BAG_recovered beside it')
+    given = parser.parse_args(arguments)
+    bag = Path(given.bag)
+    output = given.output or bag.resolve().with_name(f'{bag.resolve().stem}_recovered')
+
+    def run() -> int:
+        for line in recover(bag, output).describe():
+            print(line)
+        print(output)
+        return 0
+
+    return attempt('recover', run)

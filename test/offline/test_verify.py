@@ -1,0 +1,215 @@
+"""Bags verified from themselves: made here record by record, and damaged on purpose."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from bag_maker import padded, START, STEP, story, topic
+from builtin_interfaces.msg import Time
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+
+from gear_rattle_ros.bags import BagWriter
+from gear_rattle_ros.core.fingerprint import fingerprint
+from gear_rattle_ros.core.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.model import EventArray, Parameters, State
+from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.report_values import lyapunov_values, transient_values
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.messages import cloud_from_events, diagnostic_array, named_values
+from gear_rattle_ros.offline.verify import main, verify
+
+TYPES = {
+    '/impacts': 'sensor_msgs/msg/PointCloud2', '/lyapunov': 'sensor_msgs/msg/JointState',
+    '/transient': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+}
+
+
+class Log:
+    """A bag as nodes would have recorded it; each node may come in late."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.writer = BagWriter(path)
+        self.channels = {name: self.writer.add_topic(topic(name, kind))
+                         for name, kind in TYPES.items()}
+        self.number = 0
+        self.running = RunningLyapunov(100)
+        self.detector = TransientDetector(1e-3)
+
+    def put(self, name: str, message: object) -> None:
+        """Write a message."""
+        self.number += 1
+        self.writer.write(self.channels[name], START + STEP * self.number, 0, self.number,
+                          padded(serialize_message(message)))
+
+    def batch(self, events: EventArray, stamp: Time, estimate: bool = True, report: bool = True,
+              is_recorded: bool = True, bend: Callable[[dict], None] | None = None) -> None:
+        """Write a batch and what the nodes say to it."""
+        if is_recorded:
+            self.put('/impacts', cloud_from_events(events, stamp))
+        if estimate:
+            self.running.update(events)
+            values = lyapunov_values(self.running.report())
+            if bend:
+                bend(values)
+            self.put('/lyapunov', named_values(values, stamp))
+        if report:
+            for change in self.detector.update(events):
+                self.put('/transient', diagnostic_array(
+                    'transients: trajectory', '', 'ok', '',
+                    transient_values(change) | {'tolerance': 1e-3}, stamp))
+
+    def kernels(self, name: str) -> None:
+        """Let the simulator say which kernels it has."""
+        self.put('/diagnostics', diagnostic_array(
+            'simulator: simulator', '', 'ok', '', {'kernels': name}, Time()))
+
+
+def batches(size: int = 200) -> list[EventArray]:
+    """Return a steered run: a transient onto an orbit, a retune, a reset, another orbit."""
+    s = Simulation(Parameters(0.48), State(velocity=-0.5), seed=3)
+    parts = [s.advance(10**6, 0.0, 3000), s.retune(Parameters(1.244)),
+             s.advance(10**6, 0.0, 2000), s.reset(1.0, -0.5, 0.2), s.retune(Parameters(0.48)),
+             s.advance(10**6, 0.0, 2500)]
+    whole = np.concatenate(parts)
+    return [whole[i:i + size] for i in range(0, len(whole), size)]
+
+
+def test_a_whole_run_is_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every flight, estimate and report is found again; the .mcap file alone will do."""
+    log = Log(tmp_path / 'bag')
+    log.kernels(fingerprint())
+    for number, events in enumerate(batches()):
+        log.batch(events, Time(sec=number // 3))
+    log.writer.close()
+    verdict = verify(tmp_path / 'bag')
+    assert verdict.is_verified, verdict.describe()
+    assert (verdict.events, verdict.flights, verdict.epochs) == (7503, 7502, 4)
+    changes = TransientDetector(1e-3).update(np.concatenate(batches()))
+    assert (verdict.exponents, verdict.transients) == (38, len(changes))
+    assert len(changes) >= 5
+    assert not verdict.beyond
+    assert main([str(tmp_path / 'bag'), str(tmp_path / 'bag' / 'bag_0.mcap')]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert all('verified: 7503 events' in line for line in lines)
+
+
+def test_nodes_that_come_in_late_or_again(tmp_path: Path) -> None:
+    """An average begins where its node came in, which the estimates themselves tell."""
+    log = Log(tmp_path / 'bag')
+    for number, events in enumerate(batches()):
+        if number == 9:
+            log.running, log.detector = RunningLyapunov(100), TransientDetector(1e-3)
+        # They come in at the third batch, are started anew at the tenth, and say little.
+        log.batch(events, Time(sec=number), number >= 2, number >= 2)
+    log.writer.close()
+    verdict = verify(tmp_path / 'bag')
+    assert verdict.is_verified, verdict.describe()
+    assert (verdict.exponents, verdict.beyond) == (36, 0)
+
+
+def test_a_bag_that_begins_in_the_middle(tmp_path: Path) -> None:
+    """What rests on events before the bag is counted apart; after a reset nothing does."""
+    log = Log(tmp_path / 'bag')
+    for number, events in enumerate(batches()):
+        log.batch(events, Time(sec=number), is_recorded=number >= 4)
+    log.writer.close()
+    verdict = verify(tmp_path / 'bag')
+    assert verdict.is_verified, verdict.describe()
+    assert 4 <= verdict.beyond <= 35
+    assert verdict.exponents >= 13
+    assert verdict.transients >= 2
+
+
+def test_a_wrong_estimate_or_report_is_found(tmp_path: Path) -> None:
+    """One bit of one number, one digit of one text."""
+    def bend(values: dict[str, float]) -> None:
+        values['lambda_2'] = np.nextafter(values['lambda_2'], 1.0)
+
+    log = Log(tmp_path / 'bent')
+    for number, events in enumerate(batches()):
+        log.batch(events, Time(sec=number), bend=bend if number == 20 else None)
+    log.writer.close()
+    fault = verify(tmp_path / 'bent').fault
+    assert 'lambda_2 is' in fault
+    assert f'impact {batches()[20]["index"][-1]}' in fault
+    log = Log(tmp_path / 'untrue')
+    for number, events in enumerate(batches()):
+        log.batch(events, Time(sec=number))
+        if number == 20:
+            log.put('/transient', diagnostic_array(
+                'transients: trajectory', '', 'ok', '', {
+                    'state': 'transient', 'epoch': 1, 'index': 3456, 'start': 3456,
+                    'tolerance': 1e-3}, Time(sec=number)))
+    log.writer.close()
+    assert "report 'transient' at impact 3456" in verify(tmp_path / 'untrue').fault
+
+
+def test_the_first_wrong_record_is_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By message, place, index and epoch; and what the kernels have to do with it."""
+    for name, kernels, words in (
+            ('a', 'f' * 16, f'other kernels ({"f" * 16})'), ('b', '', 'does not say which'),
+            ('c', fingerprint(), '')):
+        log = Log(tmp_path / name)
+        if kernels:
+            log.kernels(kernels)
+        for number, events in enumerate(batches()):
+            if number == 7:
+                events = events.copy()
+                events['velocity'][33] = np.nextafter(events['velocity'][33], 9.0)
+            log.batch(events, Time(sec=number), False, False)
+        log.writer.close()
+        assert main([str(tmp_path / name)]) == 1
+        (line,) = capsys.readouterr().out.splitlines()
+        assert 'not verified: record 33 of message 7 of /impacts, impact 1433, epoch 0: ' \
+            'velocity is' in line
+        assert words in line
+        assert words or 'kernels' not in line
+
+
+def test_holes_are_told_and_are_not_verified(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By impact and epoch; what is between them is, estimates of one who had it all aside."""
+    log = Log(tmp_path / 'bag')
+    for number, events in enumerate(batches()):
+        log.batch(events, Time(sec=number), is_recorded=number not in (5, 6, 15))
+    log.writer.close()
+    assert main([str(tmp_path / 'bag')]) == 1
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert 'not verified: 2 holes, what is between them follows' in first
+    assert rest == ['  impacts 1000 to 1399 (400) are missing, epoch 0',
+                    '  impacts 3000 to 3198 (199) are missing, epochs 0 to 1']
+
+
+def test_noise_is_taken_as_recorded(tmp_path: Path) -> None:
+    """What follows a kick follows from the velocity it gave."""
+    log = Log(tmp_path / 'bag')
+    log.batch(story(3000), Time())
+    log.writer.close()
+    verdict = verify(tmp_path / 'bag')
+    assert verdict.is_verified, verdict.describe()
+    assert verdict.kicked > 2900
+
+
+def test_bad_bags_and_arguments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line and status 2; no events are status 1; the worst of several counts."""
+    assert main([str(tmp_path / 'none')]) == 2
+    assert 'does not exist' in capsys.readouterr().err
+    log = Log(tmp_path / 'empty')
+    log.writer.close()
+    assert main([str(tmp_path / 'empty')]) == 1
+    assert 'there are no events' in capsys.readouterr().out
+    log = Log(tmp_path / 'odd')
+    events = batches()[0].copy()
+    events['phase'][7] = np.nan
+    log.batch(events, Time(), False, False)
+    log.writer.close()
+    assert main([str(tmp_path / 'odd'), str(tmp_path / 'empty')]) == 1
+    assert 'message 0 of /impacts: event 7 of the batch has phase = nan' in capsys.readouterr().out
+    with pytest.raises(SystemExit) as ended:
+        main([])
+    assert ended.value.code == 2
