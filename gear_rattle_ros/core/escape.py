@@ -12,17 +12,21 @@ from .lanes_step import LANES
 
 STEPS: Final = 256
 # What has become of a trajectory: captured; neither captured nor ended when its time was up; at
-# rest or floating for ever.
+# rest or floating for ever; never begun, as enough had escaped.
 CAPTURED: Final = 1
 SURVIVED: Final = 0
 ENDED: Final = -1
+UNUSED: Final = -2
 
 
 @kernel
 def last_until_captured(  # type: ignore[no-untyped-def]
-        tile, impacts, starts, points, radius, limit, lifetimes, fates):
+        tile, impacts, starts, points, radius, skip, wanted, limit, lifetimes, fates, ends):
     """
-    Follow trajectories until they are captured.
+    Follow trajectories until enough of them are captured.
+
+    All lanes stay in use to the end, so no time is lost on a last long transient; for rates it
+    is as good, as they need only the escapes and the impacts at risk.
 
     Parameters
     ----------
@@ -37,12 +41,16 @@ def last_until_captured(  # type: ignore[no-untyped-def]
     radius : float
         A trajectory is captured when each of q + 1 impacts in a row lies so near to its point of
         the orbit [rad, 1].
+    skip, wanted : int
+        All stop when so many (wanted) were captured after more impacts than these (skip).
     limit : int
-        Impacts after which it is given up.
+        Impacts after which a trajectory is given up.
     lifetimes : ndarray of int, shape (n,)
         Receives the impacts before the capture, or before the end.
     fates : ndarray of int, shape (n,)
-        Receives CAPTURED, SURVIVED or ENDED.
+        Receives CAPTURED, SURVIVED, ENDED or UNUSED.
+    ends : ndarray of float, shape (n, 3)
+        Receives phase, displacement and velocity of those that survive [rad, 1, 1].
 
     """
     q = len(points)
@@ -50,8 +58,11 @@ def last_until_captured(  # type: ignore[no-untyped-def]
     row = np.zeros(LANES, np.int64)
     where = np.zeros(LANES, np.int64)
     made = np.zeros(LANES, np.int64)
+    late = 0
+    fates[:] = UNUSED
+    lifetimes[:] = 0
     following = refill(tile, starts, 0, math.inf)
-    while following < len(starts) or is_busy(tile):
+    while late < wanted and (following < len(starts) or is_busy(tile)):
         advance(tile, impacts, STEPS)
         for i in range(LANES):
             start = tile.start[i]
@@ -79,12 +90,20 @@ def last_until_captured(  # type: ignore[no-untyped-def]
                 if row[i] > q or made[i] >= limit:
                     fates[start] = CAPTURED if row[i] > q else SURVIVED
                     lifetimes[start] = made[i] - (row[i] if row[i] > q else 0)
+                    if row[i] > q and lifetimes[start] > skip:
+                        late += 1
                     done = True
                     break
             if not done and tile.end[i] != RUNS:
                 fates[start] = ENDED
                 lifetimes[start] = made[i]
                 done = True
+            if not done:
+                fates[start] = SURVIVED
+                lifetimes[start] = made[i]
+            ends[start, 0] = tile.phase[i]
+            ends[start, 1] = tile.displacement[i]
+            ends[start, 2] = tile.velocity[i]
             if done:
                 release(tile, i)
                 row[i] = 0

@@ -215,7 +215,8 @@ def returns(  # type: ignore[no-untyped-def]
 
 
 def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candidates: int = 12,
-              near: float | None = None, seed: float = SEED_DISTANCE) -> Edge:
+              near: float | None = None, seed: float = SEED_DISTANCE,
+              offset: float = 0.0) -> Edge:
     """
     Find the return that comes nearest to crossing the stable manifold, or crosses it farthest.
 
@@ -233,6 +234,8 @@ def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candi
         Look only near this place [1], a tenth of the samples over a hundredth of a period.
     seed : float
         Distance from the saddle at which the manifold begins [1].
+    offset : float
+        By which part of their spacing the samples are shifted [1].
 
     Returns
     -------
@@ -248,7 +251,7 @@ def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candi
                 p.alpha, p.beta, p.gamma, p.restitution, distances, numbers)
         return distances, numbers
 
-    places = np.arange(samples) / samples
+    places = (np.arange(samples) + offset) / samples
     if near is not None:
         places = near + np.linspace(-0.005, 0.005, samples // 10)
     spacing = float(places[1] - places[0])

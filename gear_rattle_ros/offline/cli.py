@@ -238,7 +238,8 @@ def add_alpha_window(parser: argparse.ArgumentParser, low: float, high: float, w
     add_model(parser, names=('beta', 'gamma', 'restitution'))
 
 
-def add_plane(parser: argparse.ArgumentParser, *, size: int | None = 400) -> None:
+def add_plane(parser: argparse.ArgumentParser, *, size: int | None = 400,
+              displacement: float = 0.0) -> None:
     """
     Add the options of the plane of initial conditions.
 
@@ -248,11 +249,14 @@ def add_plane(parser: argparse.ArgumentParser, *, size: int | None = 400) -> Non
         Receives them.
     size : int or None
         Default number of cells along an edge; None for no such option.
+    displacement : float
+        Default displacement [1].
 
     """
     group = parser.add_argument_group('initial conditions')
-    group.add_argument('--displacement', type=number, default=0.0, metavar='S',
-                       help='displacement of all starts [1], -1 to 0; 0 by default')
+    group.add_argument('--displacement', type=number, default=displacement, metavar='S',
+                       help='displacement of all starts [1], -1 to 0; '
+                            f'{displacement:g} by default')
     group.add_argument('--phase', type=number, nargs=2, default=[0.0, 2.0 * math.pi],
                        metavar=('A', 'B'),
                        help='window of the drive phase [rad]; 0 2pi by default')

@@ -7,83 +7,46 @@ exponent of the lifetimes.
 """
 
 import dataclasses
-import functools
-from pathlib import Path
+import sys
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from .cli import (
     add_model,
     add_plane,
     add_run,
     add_seed,
+    announce_compilation,
     attempt,
     model_of,
     number,
     Parser,
     plane_of,
-    Run,
+    Progress,
     run_of,
     say_interrupted,
+    say_stopped,
     whole,
 )
-from .engine import run_tiles
-from .escape_rates import escape_rate, EscapeRate, fit_exponent, fit_law, LifetimeLaw
-from .grid import Plane
-from .store import Axis, Layout, make_store, Store, Variable
-from .tangency import Boundary, find_boundary, find_tangency, radius_of, Tangency
-from ..core.escape import CAPTURED, last_until_captured, STEPS
-from ..core.lanes import new_impacts, new_tiles
+from .escape_rates import fit_exponent, fit_law, LifetimeLaw
+from .escapes import compute, Escapes, rates_of
+from .store import Store
+from .tangency import (
+    Boundary,
+    find_boundary,
+    find_tangency,
+    radius_of,
+    SEARCHES,
+    Tangency,
+)
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
-FloatArray = npt.NDArray[np.float64]
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058
 PAPER_BRACKET: Final = (1.230, 1.244)
 # Before the crisis trajectories last for ever; they are watched over so many impacts each.
 BEFORE: Final = 300_000
-
-
-@dataclasses.dataclass(frozen=True)
-class Escapes:
-    """
-    Trajectories whose escape is timed.
-
-    Attributes
-    ----------
-    alphas : tuple of float
-        Amplitudes [1]; the first lies before the crisis, to see that nothing escapes.
-    parameters : Parameters
-        Its alpha is not used.
-    plane : Plane
-        Where starts are drawn from.
-    trajectories : int
-        At each alpha.
-    seed : int
-        Of the starts, the same at each alpha.
-    skip : int
-        Escapes before this say nothing: the start lay in the basin [impacts].
-    limit, limit_before : int
-        A trajectory is given up then, and at the amplitude before the crisis [impacts].
-    points : tuple
-        For each alpha the orbit that captures: (phase, velocity) of every impact.
-    radius : float
-        So near to it a trajectory is captured [rad, 1].
-
-    """
-
-    alphas: tuple[float, ...]
-    parameters: Parameters
-    plane: Plane
-    trajectories: int
-    seed: int
-    skip: int
-    limit: int
-    limit_before: int
-    points: tuple[FloatArray, ...]
-    radius: float
 
 
 def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
@@ -110,99 +73,40 @@ def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
     return tuple(float(round(tangency.alpha + d, 9)) for d in (-2.0 * nearest, *beyond))
 
 
-def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
+def locate(parameters: Parameters, low: float, high: float, seed: int
+           ) -> tuple[Boundary, Tangency]:
     """
-    Say what the store of a crisis consists of.
+    Find the saddle and the tangency of its manifolds, and tell how it goes.
 
     Parameters
     ----------
-    escapes : Escapes
-        What is timed.
+    parameters : Parameters
+        Beyond the crisis.
+    low, high : float
+        Before and beyond it [1].
+    seed : int
+        Of the starts from which the captor is found.
+
+    Returns
+    -------
+    boundary : Boundary
+        Captor and saddle.
     tangency : Tangency
-        Where the crisis was found.
+        The crisis.
 
-    Returns
-    -------
-    Layout
-        A tile for each alpha.
-
-    """
-    p = escapes.parameters
-    return Layout(
-        (Axis('alpha', np.array(escapes.alphas), {
-            'long_name': 'amplitude of the drive', 'units': '1'}, 1),
-         Axis('trajectory', np.arange(escapes.trajectories), {
-             'long_name': 'number of the start'})),
-        (Variable('lifetime', ('alpha', 'trajectory'), '<i8', {
-            'long_name': 'impacts before the capture, or before it was given up',
-            'units': 'impacts'}),
-         Variable('fate', ('alpha', 'trajectory'), '|i1', {
-             'long_name': '1 captured, 0 given up, -1 came to rest'})),
-        {'tool': 'crisis', 'beta': p.beta, 'gamma': p.gamma, 'restitution': p.restitution,
-         'alphas': list(escapes.alphas), 'trajectories': escapes.trajectories,
-         'seed': escapes.seed, 'displacement': escapes.plane.displacement,
-         'phase_window': list(escapes.plane.phase),
-         'start_velocity_window': list(escapes.plane.velocity),
-         'impacts_skipped': escapes.skip, 'impacts_limit': escapes.limit,
-         'impacts_limit_before': escapes.limit_before,
-         'capture_radius': escapes.radius},
-        {'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
-         'tangency_exponent': tangency.saddle.lifetime_exponent,
-         'saddle_expansion': tangency.saddle.expansion,
-         'saddle_contraction': tangency.saddle.contraction,
-         'saddle_impacts': tangency.saddle.orbit.period_impacts,
-         'saddle_drive_periods': tangency.saddle.orbit.period_drive,
-         'fold_alpha': tangency.fold, 'paper_alpha': PAPER})
-
-
-def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
-    """
-    Time the escapes at one alpha.
-
-    Parameters
-    ----------
-    escapes : Escapes
-        What is timed.
-    output : Path
-        The store.
-    tile : int
-        Number of the alpha.
-
-    Returns
-    -------
-    int
-        Impacts made.
+    Raises
+    ------
+    ValueError
+        If there is none.
 
     """
-    parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[tile])
-    starts = escapes.plane.random_starts(parameters, escapes.trajectories, escapes.seed)
-    lifetimes, fates = np.zeros(len(starts), np.int64), np.zeros(len(starts), np.int64)
-    last_until_captured(new_tiles(1)[0], new_impacts(STEPS), starts, escapes.points[tile],
-                        escapes.radius, escapes.limit if tile else escapes.limit_before, lifetimes,
-                        fates)
-    Store(output).write(tile, {'lifetime': lifetimes[None], 'fate': fates[None].astype(np.int8)})
-    return int(lifetimes.sum())
-
-
-def rates_of(store: Store) -> list[EscapeRate]:
-    """
-    Estimate the escape rate at each alpha.
-
-    Parameters
-    ----------
-    store : Store
-        Complete.
-
-    Returns
-    -------
-    list of EscapeRate
-        In order.
-
-    """
-    lifetimes, fates = store.read_all('lifetime'), store.read_all('fate')
-    skip = float(store.attributes['impacts_skipped'])
-    return [escape_rate(life, fate != CAPTURED, skip)
-            for life, fate in zip(lifetimes, fates, strict=True)]
+    announce_compilation('crisis', 'returns')
+    boundary = find_boundary(parameters, low, seed)
+    progress = Progress('crisis, searches of the manifold', SEARCHES, sys.stderr)
+    try:
+        return boundary, find_tangency(boundary, low, high, lambda *_: progress.add(1))
+    finally:
+        progress.end()
 
 
 def law_of(store: Store) -> LifetimeLaw:
@@ -239,48 +143,8 @@ def law_of(store: Store) -> LifetimeLaw:
     store.set_attributes({f'law_{name}': float(value)
                           for name, value in dataclasses.asdict(law).items()})
     store.set_attributes({'exponent_at_tangency': exponent,
-                          'exponent_at_tangency_error': exponent_error})
+                          'exponent_at_tangency_error': exponent_error, 'paper_alpha': PAPER})
     return law
-
-
-def compute(escapes: Escapes, tangency: Tangency, run: Run) -> tuple[Store, bool]:
-    """
-    Time the escapes.
-
-    Parameters
-    ----------
-    escapes : Escapes
-        What is timed.
-    tangency : Tangency
-        Where the crisis was found.
-    run : Run
-        How and where.
-
-    Returns
-    -------
-    store : Store
-        Its store.
-    complete : bool
-        False after Ctrl-C.
-
-    """
-    store = make_store(run.output, layout_of(escapes, tangency), run.command, resume=run.resume)
-    pending = store.pending()
-    progress = run.progress(len(escapes.alphas))
-    progress.skip(len(escapes.alphas) - len(pending))
-
-    def finished(tile: int, impacts: int) -> None:
-        store.mark(tile)
-        progress.add(1, impacts)
-
-    try:
-        run_tiles(functools.partial(time_escapes, escapes, run.output), pending, finished,
-                  cluster=run.cluster, threads=run.threads)
-    except KeyboardInterrupt:
-        return store, False
-    finally:
-        progress.end()
-    return store, True
 
 
 def report(store: Store, law: LifetimeLaw) -> str:
@@ -354,13 +218,14 @@ def _run(arguments: list[str] | None) -> int:
                         'timed [1]; 4e-6 4e-4 by default')
     parser.add_argument('--rates', type=whole(4), default=20, metavar='N',
                         help='amplitudes at which they are; 20 by default')
-    parser.add_argument('--trajectories', type=whole(10), default=256, metavar='N',
-                        help='timed at each; 256 by default')
+    parser.add_argument('--escapes', type=whole(16), default=240, metavar='N',
+                        help='timed at each; 240 by default')
     parser.add_argument('--skip', type=whole(0), default=300, metavar='N',
                         help='escapes before this say nothing [impacts]; 300 by default')
     parser.add_argument('--limit', type=whole(1000), default=50_000_000, metavar='N',
                         help='impacts after which one is given up; 5e7 by default')
-    add_plane(parser, size=None)
+    # Off the walls hardly a start sticks: those that do all go on as one trajectory.
+    add_plane(parser, size=None, displacement=-0.5)
     add_seed(parser)
     add_run(parser)
     given = parser.parse_args(arguments)
@@ -374,13 +239,16 @@ def _run(arguments: list[str] | None) -> int:
     given.alpha = high
     parameters = model_of(given)
     run = run_of(parser, given, arguments, 'crisis.zarr')
-    boundary = find_boundary(parameters, low, given.seed)
-    tangency = find_tangency(boundary, low, high)
-    print(f'crisis: the manifolds touch at alpha = {tangency.alpha:.10f}; timing escapes ...')
+    try:
+        boundary, tangency = locate(parameters, low, high, given.seed)
+    except KeyboardInterrupt:
+        return say_stopped(run)
+    print(f'crisis: the manifolds touch at alpha = {tangency.alpha:.10f}; timing escapes ...',
+          flush=True)
     alphas = amplitudes(tangency, nearest, farthest, given.rates)
     boundaries: list[Boundary] = [boundary.at(alpha) for alpha in alphas]
     escapes = Escapes(
-        alphas, parameters, plane_of(given), given.trajectories, given.seed, given.skip,
+        alphas, parameters, plane_of(given), given.escapes, given.seed, given.skip,
         given.limit, min(given.limit, BEFORE), tuple(one.captor.points for one in boundaries),
         min(radius_of(one) for one in boundaries))
     store, complete = compute(escapes, tangency, run)

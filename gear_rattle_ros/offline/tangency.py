@@ -22,6 +22,10 @@ SMOOTH: Final = 0.2 * ACROSS / 25.0
 BEYOND: Final = 0.3
 ROOT: Final = 1e-12
 MOST_STEPS: Final = 60
+# The manifold is searched once more at the end, so many times with shifted samples.
+SHIFTS: Final = 5
+# Searches of the manifold in all, nearly.
+SEARCHES: Final = 22 + SHIFTS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,10 +235,12 @@ def find_tangency(boundary: Boundary, low: float, high: float,
         roots.append((alpha, edge))
     alpha, edge = roots[0]
     # A narrower fold that crosses earlier would show here.
-    finest = find_edge(boundary.at(alpha).directions, samples=100_000, impacts=100,
-                       candidates=40)
-    told(alpha, finest)
-    missed = max(0.0, finest.distance) / slope
+    there = boundary.at(alpha)
+    missed = 0.0
+    for shift in range(SHIFTS):
+        finer = find_edge(there.directions, impacts=100, offset=shift / SHIFTS)
+        told(alpha, finer)
+        missed = max(missed, finer.distance / slope)
     uncertainty = max(abs(roots[1][0] - alpha), missed, abs(edge.distance) / slope, 1e-10)
     return Tangency(alpha - missed, uncertainty, edge, boundary.at(alpha).directions,
                     boundary.fold)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS
+from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS, UNUSED
 from gear_rattle_ros.core.homoclinic import find_edge
 from gear_rattle_ros.core.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.model import Parameters
@@ -28,8 +28,8 @@ def escapes_at(boundary, alpha, trajectories, limit):
     starts = Plane().random_starts(parameters, trajectories, 5)
     lifetimes, fates = np.zeros(trajectories, np.int64), np.zeros(trajectories, np.int64)
     last_until_captured(new_tiles(1)[0], new_impacts(STEPS), starts,
-                        boundary.at(alpha).captor.points, radius_of(boundary), limit, lifetimes,
-                        fates)
+                        boundary.at(alpha).captor.points, radius_of(boundary), 300, trajectories,
+                        limit, lifetimes, fates, np.zeros((trajectories, 3)))
     return lifetimes, fates
 
 
@@ -99,6 +99,22 @@ def test_manifolds_cross_where_trajectories_escape_and_not_where_they_stay(bound
 def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
     life, fates = escapes_at(boundary, PAPER + 1e-3, 128, 40_000)
     assert not np.any((fates == CAPTURED) & (life > 300))
+
+
+def test_enough_escapes_stop_all_and_give_the_same_rate(boundary):
+    parameters, here = Parameters(alpha=1.25), boundary.at(1.25)
+    starts = Plane(displacement=-0.5).random_starts(parameters, 2000, 6)
+    rates = []
+    for wanted in (300, 2000):
+        lifetimes, fates = np.zeros(2000, np.int64), np.zeros(2000, np.int64)
+        last_until_captured(
+            new_tiles(1)[0], new_impacts(STEPS), starts, here.captor.points, radius_of(here), 300,
+            wanted, 10**7, lifetimes, fates, np.zeros((2000, 3)))
+        begun = fates != UNUSED
+        assert begun.all() == (wanted == 2000) and np.all(lifetimes[~begun] == 0)
+        rates.append(escape_rate(lifetimes[begun], fates[begun] != CAPTURED, 300))
+    assert 300 <= rates[0].escapes < 400
+    assert abs(rates[0].rate - rates[1].rate) < 4.0 * math.hypot(rates[0].error, rates[1].error)
 
 
 @pytest.mark.long

@@ -1,0 +1,233 @@
+"""Escapes from a chaotic transient, timed at amplitudes on both sides of a crisis."""
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .cli import Run
+from .engine import run_tiles
+from .ensembles import orbit_of, run_ensemble, Window
+from .escape_rates import escape_rate, EscapeRate
+from .grid import make_starts, Plane
+from .store import Axis, Layout, make_store, Store, Variable
+from .tangency import Tangency
+from ..core.escape import CAPTURED, last_until_captured, STEPS, SURVIVED, UNUSED
+from ..core.lanes import new_impacts, new_tiles
+from ..core.lanes_step import LANES
+from ..core.model import Parameters
+
+FloatArray = npt.NDArray[np.float64]
+# A trajectory that has settled on another stable orbit will never escape: it says nothing.
+ELSEWHERE: Final = 2
+# Escapes at an amplitude are counted in so many independent parts, a tile each.
+PARTS: Final = 8
+
+
+@dataclasses.dataclass(frozen=True)
+class Escapes:
+    """
+    Trajectories whose escape is timed.
+
+    Attributes
+    ----------
+    alphas : tuple of float
+        Amplitudes [1]; the first lies before the crisis, to see that nothing escapes.
+    parameters : Parameters
+        Its alpha is not used.
+    plane : Plane
+        Where starts are drawn from.
+    wanted : int
+        Escapes at each alpha, shared among `PARTS`.
+    seed : int
+        Of the starts, the same at each alpha.
+    skip : int
+        Escapes before this say nothing: the start lay in the basin [impacts].
+    limit, limit_before : int
+        A trajectory is given up then, and at the amplitude before the crisis [impacts].
+    points : tuple
+        For each alpha the orbit that captures: (phase, velocity) of every impact.
+    radius : float
+        So near to it a trajectory is captured [rad, 1].
+
+    """
+
+    alphas: tuple[float, ...]
+    parameters: Parameters
+    plane: Plane
+    wanted: int
+    seed: int
+    skip: int
+    limit: int
+    limit_before: int
+    points: tuple[FloatArray, ...]
+    radius: float
+
+    @property
+    def starts(self) -> int:
+        """Starts of a part: all lanes are in use until the last escape."""
+        return 2 * self.wanted_of_part + LANES
+
+    @property
+    def wanted_of_part(self) -> int:
+        """Escapes of a part."""
+        return -(-self.wanted // PARTS)
+
+
+def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
+    """
+    Say what the store of a crisis consists of.
+
+    Parameters
+    ----------
+    escapes : Escapes
+        What is timed.
+    tangency : Tangency
+        Where the crisis was found.
+
+    Returns
+    -------
+    Layout
+        A tile for each part of each alpha.
+
+    """
+    p = escapes.parameters
+    return Layout(
+        (Axis('alpha', np.array(escapes.alphas), {
+            'long_name': 'amplitude of the drive', 'units': '1'}, 1),
+         Axis('part', np.arange(PARTS), {'long_name': 'independent part'}, 1),
+         Axis('trajectory', np.arange(escapes.starts), {
+             'long_name': 'number of the start'})),
+        (Variable('lifetime', ('alpha', 'part', 'trajectory'), '<i8', {
+            'long_name': 'impacts before the capture, or before it was given up',
+            'units': 'impacts'}),
+         Variable('fate', ('alpha', 'part', 'trajectory'), '|i1', {
+             'long_name': '1 captured, 0 given up, 2 settled on another stable orbit, -1 came '
+             'to rest, -2 not begun'}, UNUSED)),
+        {'tool': 'crisis', 'beta': p.beta, 'gamma': p.gamma, 'restitution': p.restitution,
+         'alphas': list(escapes.alphas), 'escapes_wanted': escapes.wanted,
+         'seed': escapes.seed, 'displacement': escapes.plane.displacement,
+         'phase_window': list(escapes.plane.phase),
+         'start_velocity_window': list(escapes.plane.velocity),
+         'impacts_skipped': escapes.skip, 'impacts_limit': escapes.limit,
+         'impacts_limit_before': escapes.limit_before,
+         'capture_radius': escapes.radius},
+        {'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
+         'tangency_exponent': tangency.saddle.lifetime_exponent,
+         'saddle_expansion': tangency.saddle.expansion,
+         'saddle_contraction': tangency.saddle.contraction,
+         'saddle_impacts': tangency.saddle.orbit.period_impacts,
+         'saddle_drive_periods': tangency.saddle.orbit.period_drive,
+         'fold_alpha': tangency.fold})
+
+
+def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
+    """
+    Time the escapes of one part at one alpha.
+
+    Parameters
+    ----------
+    escapes : Escapes
+        What is timed.
+    output : Path
+        The store.
+    tile : int
+        Number of the tile.
+
+    Returns
+    -------
+    int
+        Impacts made.
+
+    """
+    k, part = divmod(tile, PARTS)
+    parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
+    starts = escapes.plane.random_starts(parameters, escapes.starts,
+                                         escapes.seed * 1_000_003 + part)
+    lifetimes, fates = np.zeros(len(starts), np.int64), np.zeros(len(starts), np.int64)
+    ends = np.zeros((len(starts), 3))
+    last_until_captured(
+        new_tiles(1)[0], new_impacts(STEPS), starts, escapes.points[k], escapes.radius,
+        escapes.skip, escapes.wanted_of_part, escapes.limit if k else escapes.limit_before,
+        lifetimes, fates, ends)
+    survivors = np.flatnonzero(fates == SURVIVED)
+    if len(survivors):
+        states = ends[survivors]
+        again = make_starts(parameters, states[:, 0], states[:, 1], states[:, 2])
+        ensemble = run_ensemble(again, parameters, Window(1, 512, bins=1))
+        for number, impacts, rests in zip(survivors, ensemble.last, ensemble.rests, strict=True):
+            if not rests and orbit_of(impacts, parameters) is not None:
+                fates[number] = ELSEWHERE
+    Store(output).write(tile, {'lifetime': lifetimes[None, None],
+                               'fate': fates[None, None].astype(np.int8)})
+    return int(lifetimes.sum())
+
+
+def rates_of(store: Store) -> list[EscapeRate]:
+    """
+    Estimate the escape rate at each alpha.
+
+    Parameters
+    ----------
+    store : Store
+        Complete.
+
+    Returns
+    -------
+    list of EscapeRate
+        In order.
+
+    """
+    skip = float(store.attributes['impacts_skipped'])
+    rates = []
+    for lifetimes, fates in zip(store.read_all('lifetime'), store.read_all('fate'), strict=True):
+        counted = (fates == CAPTURED) | (fates == SURVIVED)
+        rates.append(escape_rate(lifetimes[counted], fates[counted] != CAPTURED, skip))
+    return rates
+
+
+def compute(escapes: Escapes, tangency: Tangency, run: Run) -> tuple[Store, bool]:
+    """
+    Time the escapes.
+
+    Parameters
+    ----------
+    escapes : Escapes
+        What is timed.
+    tangency : Tangency
+        Where the crisis was found.
+    run : Run
+        How and where.
+
+    Returns
+    -------
+    store : Store
+        Its store.
+    complete : bool
+        False after Ctrl-C.
+
+    """
+    store = make_store(run.output, layout_of(escapes, tangency), run.command, resume=run.resume)
+    # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
+    distances = np.abs(np.array(escapes.alphas) - tangency.alpha)
+    weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)
+    pending = store.pending()
+    progress = run.progress(int(weights.sum()))
+    progress.skip(int(weights.sum() - weights[pending].sum()))
+
+    def finished(tile: int, impacts: int) -> None:
+        store.mark(tile)
+        progress.add(int(weights[tile]), impacts)
+
+    settings: dict[str, Any] = {'cluster': run.cluster, 'threads': run.threads}
+    try:
+        run_tiles(functools.partial(time_escapes, escapes, run.output), pending, finished,
+                  **settings)
+    except KeyboardInterrupt:
+        return store, False
+    finally:
+        progress.end()
+    return store, True
