@@ -218,8 +218,8 @@ def _run(arguments: list[str] | None) -> int:
                         'timed [1]; 4e-6 4e-4 by default')
     parser.add_argument('--rates', type=whole(4), default=20, metavar='N',
                         help='amplitudes at which they are; 20 by default')
-    parser.add_argument('--escapes', type=whole(16), default=240, metavar='N',
-                        help='timed at each; 240 by default')
+    parser.add_argument('--escapes', type=whole(16), default=120, metavar='N',
+                        help='timed at each; 120 by default')
     parser.add_argument('--skip', type=whole(0), default=300, metavar='N',
                         help='escapes before this say nothing [impacts]; 300 by default')
     parser.add_argument('--limit', type=whole(1000), default=50_000_000, metavar='N',
