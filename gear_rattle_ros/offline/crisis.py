@@ -6,6 +6,7 @@ trajectories escape beyond it, fitted by a law in which it is free, check that a
 exponent of the lifetimes.
 """
 
+import argparse
 import dataclasses
 import sys
 from typing import Any, Final
@@ -13,24 +14,22 @@ from typing import Any, Final
 import numpy as np
 
 from .cli import (
-    add_model,
+    add_alpha_window,
     add_plane,
-    add_run,
     add_seed,
-    announce_compilation,
-    attempt,
+    alpha_window_of,
+    Figure,
     model_of,
     number,
     Parser,
     plane_of,
-    Progress,
-    run_of,
-    say_interrupted,
-    say_stopped,
+    Run,
+    run_tool,
     whole,
 )
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
+from .progress import Progress
 from .store import Store
 from .tangency import (
     Boundary,
@@ -40,7 +39,7 @@ from .tangency import (
     SEARCHES,
     Tangency,
 )
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
+from ..core.model import Parameters
 
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058
@@ -100,7 +99,6 @@ def locate(parameters: Parameters, low: float, high: float, seed: int
         If there is none.
 
     """
-    announce_compilation('crisis', 'returns')
     boundary = find_boundary(parameters, low, seed)
     progress = Progress('crisis, searches of the manifold', SEARCHES, sys.stderr)
     try:
@@ -203,16 +201,9 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status.
 
     """
-    return attempt('crisis', lambda: _run(arguments))
-
-
-def _run(arguments: list[str] | None) -> int:
     parser = Parser('crisis', description='Locate a boundary crisis, by the tangency of manifolds '
                     'and by escape rates, and fit the law of the lifetimes.')
-    parser.add_argument('--alpha', type=number, nargs=2, default=[1.23, 1.25],
-                        metavar=('A', 'B'),
-                        help='before and beyond the crisis [1]; 1.23 1.25 by default')
-    add_model(parser, names=('beta', 'gamma', 'restitution'))
+    add_alpha_window(parser, 1.23, 1.25, 'before and beyond the crisis')
     parser.add_argument('--beyond', type=number, nargs=2, default=[4e-6, 4e-4],
                         metavar=('A', 'B'), help='distances from the crisis at which escapes are '
                         'timed [1]; 4e-6 4e-4 by default')
@@ -227,40 +218,29 @@ def _run(arguments: list[str] | None) -> int:
     # Off the walls hardly a start sticks: those that do all go on as one trajectory.
     add_plane(parser, size=None, displacement=-0.5)
     add_seed(parser)
-    add_run(parser)
-    given = parser.parse_args(arguments)
-    low, high = (require_finite('alpha', a, 0.0, ALPHA_MAXIMUM) for a in given.alpha)
-    if not low < high:
-        raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the lower '
-                         'end first')
-    nearest, farthest = given.beyond
-    if not 0.0 < nearest < farthest:
-        raise ValueError(f'--beyond {nearest:g} {farthest:g} must be positive and rising')
-    given.alpha = high
-    parameters = model_of(given)
-    run = run_of(parser, given, arguments, 'crisis.zarr')
-    try:
+
+    def work(given: argparse.Namespace, run: Run) -> int:
+        low, high = alpha_window_of(given)
+        nearest, farthest = given.beyond
+        if not 0.0 < nearest < farthest:
+            raise ValueError(f'--beyond {nearest:g} {farthest:g} must be positive and rising')
+        parameters = model_of(given)
         boundary, tangency = locate(parameters, low, high, given.seed)
-    except KeyboardInterrupt:
-        return say_stopped(run)
-    print(f'crisis: the manifolds touch at alpha = {tangency.alpha:.10f}; timing escapes ...',
-          flush=True)
-    alphas = amplitudes(tangency, nearest, farthest, given.rates)
-    boundaries: list[Boundary] = [boundary.at(alpha) for alpha in alphas]
-    escapes = Escapes(
-        alphas, parameters, plane_of(given), given.escapes, given.seed, given.skip,
-        given.limit, min(given.limit, BEFORE), tuple(one.captor.points for one in boundaries),
-        min(radius_of(one) for one in boundaries))
-    store, complete = compute(escapes, tangency, run)
-    if not complete:
-        return say_interrupted(run, len(store.tiles) - len(store.pending()), len(store.tiles))
-    law = law_of(store)
-    print(report(store, law))
-    print(f'crisis: {run.output}')
-    if run.picture is not None:
-        # Only here: matplotlib takes a second to import.
-        from .figures_crisis import draw_law
-        from .figures_style import save
-        save(draw_law(store), run.picture)
-        print(f'crisis: {run.picture}')
-    return 0
+        print(f'crisis: the manifolds touch at alpha = {tangency.alpha:.10f}; timing escapes ...',
+              flush=True)
+        alphas = amplitudes(tangency, nearest, farthest, given.rates)
+        boundaries = [boundary.at(alpha) for alpha in alphas]
+        store = compute(Escapes(
+            alphas, parameters, plane_of(given), given.escapes, given.seed, given.skip,
+            given.limit, min(given.limit, BEFORE), tuple(one.captor.points for one in boundaries),
+            min(radius_of(one) for one in boundaries)), tangency, run)
+        print(report(store, law_of(store)))
+
+        def draw() -> Figure:
+            # Only here: matplotlib takes a second to import.
+            from .figures_crisis import draw_law
+            return draw_law(store)
+
+        return run.finish(draw)
+
+    return run_tool(parser, arguments, 'crisis.zarr', work)

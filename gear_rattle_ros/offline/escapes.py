@@ -189,7 +189,7 @@ def rates_of(store: Store) -> list[EscapeRate]:
     return rates
 
 
-def compute(escapes: Escapes, tangency: Tangency, run: Run) -> tuple[Store, bool]:
+def compute(escapes: Escapes, tangency: Tangency, run: Run) -> Store:
     """
     Time the escapes.
 
@@ -204,10 +204,8 @@ def compute(escapes: Escapes, tangency: Tangency, run: Run) -> tuple[Store, bool
 
     Returns
     -------
-    store : Store
-        Its store.
-    complete : bool
-        False after Ctrl-C.
+    Store
+        Complete.
 
     """
     store = make_store(run.output, layout_of(escapes, tangency), run.command, resume=run.resume)
@@ -226,8 +224,6 @@ def compute(escapes: Escapes, tangency: Tangency, run: Run) -> tuple[Store, bool
     try:
         run_tiles(functools.partial(time_escapes, escapes, run.output), pending, finished,
                   **settings)
-    except KeyboardInterrupt:
-        return store, False
     finally:
         progress.end()
-    return store, True
+    return store

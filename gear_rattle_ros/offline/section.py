@@ -1,5 +1,6 @@
 """Impacts counted on the section (phase, velocity): attractors and chaotic transients."""
 
+import argparse
 import dataclasses
 from typing import Final
 
@@ -9,16 +10,14 @@ import numpy.typing as npt
 from .cli import (
     add_model,
     add_plane,
-    add_run,
     add_seed,
-    attempt,
-    INTERRUPTED,
+    Figure,
     model_of,
     number,
     Parser,
     plane_of,
     Run,
-    run_of,
+    run_tool,
     whole,
 )
 from .ensembles import orbit_of, SAME
@@ -186,10 +185,6 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status.
 
     """
-    return attempt('section', lambda: _run(arguments))
-
-
-def _run(arguments: list[str] | None) -> int:
     parser = Parser('section', description='Count impacts on the section of phase and velocity.')
     add_model(parser, alpha=1.23)
     parser.add_argument('--trajectories', type=whole(1), default=64, metavar='N',
@@ -204,22 +199,19 @@ def _run(arguments: list[str] | None) -> int:
                         metavar=('A', 'B'), help='velocities counted [1]; -2 2 by default')
     add_plane(parser, size=None)
     add_seed(parser)
-    add_run(parser)
-    given = parser.parse_args(arguments)
-    section = Section(model_of(given), plane_of(given), given.trajectories, given.seed,
-                      given.skip, given.keep, (given.bin_window[0], given.bin_window[1]),
-                      *given.bins)
-    run = run_of(parser, given, arguments, f'section-{section.parameters.alpha:g}.zarr')
-    try:
+
+    def work(given: argparse.Namespace, run: Run) -> int:
+        section = Section(model_of(given), plane_of(given), given.trajectories, given.seed,
+                          given.skip, given.keep, (given.bin_window[0], given.bin_window[1]),
+                          *given.bins)
         store, words = compute(section, run)
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    print('\n'.join(words))
-    print(f'section: {run.output}')
-    if run.picture is not None:
-        # Only here: matplotlib takes a second to import.
-        from .figures_section import draw_section
-        from .figures_style import save
-        save(draw_section(store), run.picture)
-        print(f'section: {run.picture}')
-    return 0
+        print('\n'.join(words))
+
+        def draw() -> Figure:
+            # Only here: matplotlib takes a second to import.
+            from .figures_section import draw_section
+            return draw_section(store)
+
+        return run.finish(draw)
+
+    return run_tool(parser, arguments, 'section-{alpha:g}.zarr', work)

@@ -16,10 +16,11 @@ from gear_rattle_ros.core.closed_orbits import (
 from gear_rattle_ros.core.flight import UPPER
 from gear_rattle_ros.core.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.continuation import cascade, find_end, main
+from gear_rattle_ros.offline.continuation import main
+from gear_rattle_ros.offline.diagram import Diagram
 from gear_rattle_ros.offline.ensembles import run_ensemble, settle, Window
+from gear_rattle_ros.offline.events import cascade, find_end
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.orbit_diagram import Diagram
 from gear_rattle_ros.offline.store import open_dataset
 
 B, G, R = 0.1, 0.1, 0.9

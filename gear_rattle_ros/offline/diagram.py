@@ -1,0 +1,218 @@
+"""What an orbit diagram consists of: its columns, its store, attractors laid out as arrays."""
+
+import dataclasses
+import math
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .ensembles import Kind, Settled, Window
+from .grid import Plane
+from .store import Axis, Layout, Variable
+from ..core.lanes_step import LANES
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
+
+FloatArray = npt.NDArray[np.float64]
+# Attractors kept apart at one alpha; what is beyond is counted with the last of them.
+SLOTS: Final = 6
+# Columns of a tile.
+TILE: Final = 8
+SWEEPS: Final = ('starts', 'up', 'down')
+KINDS: Final = tuple(kind.value for kind in Kind)
+STATE: Final = ('phase', 'displacement', 'velocity')
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagram:
+    """
+    What an orbit diagram is made of.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        Its alpha is not used.
+    alphas : tuple of float
+        First and last amplitude [1].
+    columns : int
+        How many amplitudes, equally spaced, both ends among them.
+    plane : Plane
+        Where starts are drawn from.
+    trajectories : int
+        At each alpha; those that are followed are at most `LANES`.
+    seed : int
+        Of the starts.
+    window : Window
+        Impacts that are counted.
+    sweeps : tuple of str
+        Which: from many starts at each alpha, followed up, followed down.
+
+    Raises
+    ------
+    ValueError
+        If a range is empty or reversed, or a number is out of range.
+
+    """
+
+    parameters: Parameters
+    alphas: tuple[float, float]
+    columns: int
+    plane: Plane
+    trajectories: int
+    seed: int
+    window: Window
+    sweeps: tuple[str, ...] = SWEEPS
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        low, high = (require_finite('alpha', a, 0.0, ALPHA_MAXIMUM) for a in self.alphas)
+        if not low < high:
+            raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the '
+                             'lower end first')
+        if not 2 <= self.columns <= 100_000:
+            raise ValueError(f'{self.columns} columns are not between 2 and 100000')
+        if not 1 <= self.trajectories <= 100_000:
+            raise ValueError(f'{self.trajectories} trajectories are not between 1 and 100000')
+
+    @property
+    def values(self) -> FloatArray:
+        """Amplitudes [1]."""
+        return np.linspace(*self.alphas, self.columns)
+
+    def starts(self, column: int) -> npt.NDArray[np.void]:
+        """
+        Draw the starts of a column; it has a seed of its own.
+
+        Parameters
+        ----------
+        column : int
+            Its number.
+
+        Returns
+        -------
+        ndarray of START
+            The starts.
+
+        """
+        return self.plane.random_starts(self.at(column), self.trajectories,
+                                        self.seed * 1_000_003 + column)
+
+    def at(self, column: int) -> Parameters:
+        """
+        Give the parameters of a column.
+
+        Parameters
+        ----------
+        column : int
+            Its number.
+
+        Returns
+        -------
+        model.Parameters
+            With its alpha.
+
+        """
+        return dataclasses.replace(self.parameters, alpha=float(self.values[column]))
+
+
+def layout_of(diagram: Diagram) -> Layout:
+    """
+    Say what the store of a diagram consists of.
+
+    Parameters
+    ----------
+    diagram : Diagram
+        The diagram.
+
+    Returns
+    -------
+    Layout
+        Tiles are `TILE` columns of one sweep.
+
+    """
+    window, one = diagram.window, {'units': '1'}
+    edges = np.linspace(window.low, window.high, window.bins + 1)
+    slot = ('sweep', 'alpha', 'slot')
+    identity: dict[str, Any] = {
+        'tool': 'orbit_diagram', 'beta': diagram.parameters.beta,
+        'gamma': diagram.parameters.gamma, 'restitution': diagram.parameters.restitution,
+        'alpha_window': list(diagram.alphas), 'columns': diagram.columns,
+        'trajectories': diagram.trajectories, 'seed': diagram.seed,
+        'displacement': diagram.plane.displacement, 'phase_window': list(diagram.plane.phase),
+        'start_velocity_window': list(diagram.plane.velocity),
+        'impacts_skipped': window.skip, 'impacts_counted': window.keep,
+        'velocity_window': [window.low, window.high], 'bins': window.bins,
+        'sweeps': list(diagram.sweeps)}
+    return Layout(
+        (Axis('sweep', np.array(diagram.sweeps), {
+            'long_name': 'starts: many at each alpha; up, down: followed from the last state'}, 1),
+         Axis('alpha', diagram.values, {'long_name': 'amplitude of the drive', **one}, TILE),
+         Axis('slot', np.arange(SLOTS), {'long_name': 'attractors at one alpha, largest first'}),
+         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), {
+             'long_name': 'velocity before the impact, centre of the bin', **one}),
+         Axis('lane', np.arange(LANES), {'long_name': 'trajectory that is followed'}),
+         Axis('state', np.array(STATE), {'long_name': 'phase [rad], displacement, velocity [1]'})),
+        (Variable('count', (*slot, 'velocity'), '<u4', {
+            'long_name': 'impacts counted', **one}),
+         Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
+         Variable('kind', slot, '|i1', {
+             'long_name': 'what it is: ' + ', '.join(
+                 f'{k} {name}' for k, name in enumerate(KINDS)) + ', -1 nothing'}, -1),
+         Variable('period_impacts', slot, '<i4', {
+             'long_name': 'period, 0 off a periodic orbit', 'units': 'impacts'}),
+         Variable('period_drive', slot, '<i4', {
+             'long_name': 'period, 0 off a periodic orbit', 'units': 'drive periods'}),
+         Variable('exponent', slot, '<f8', {
+             'long_name': 'largest Lyapunov exponent per impact', **one}, math.nan),
+         Variable('exponent_error', slot, '<f8', {
+             'long_name': 'standard error; 0 from exact multipliers', **one}, math.nan),
+         Variable('exact_sum', slot, '<f8', {
+             'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}, math.nan),
+         Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
+             'long_name': 'last state of the trajectories that are followed'}, math.nan)),
+        identity)
+
+
+def describe(columns: list[list[Settled]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
+    """
+    Lay out the attractors of some columns as arrays.
+
+    Parameters
+    ----------
+    columns : list of list of Settled
+        The attractors at each alpha.
+    diagram : Diagram
+        The diagram.
+
+    Returns
+    -------
+    dict
+        For each variable an array (alpha, slot ...).
+
+    """
+    shape = (len(columns), SLOTS)
+    values: dict[str, npt.NDArray[Any]] = {
+        'count': np.zeros((*shape, diagram.window.bins), np.uint32),
+        'share': np.zeros(shape), 'kind': np.full(shape, -1, np.int8),
+        'period_impacts': np.zeros(shape, np.int32), 'period_drive': np.zeros(shape, np.int32),
+        'exponent': np.full(shape, math.nan), 'exponent_error': np.full(shape, math.nan),
+        'exact_sum': np.full(shape, math.nan)}
+    p = diagram.parameters
+    for c, found in enumerate(columns):
+        total = sum(len(one.members) for one in found)
+        for k, one in enumerate(found):
+            slot = c, min(k, SLOTS - 1)
+            values['count'][slot] += one.counts.astype(np.uint32)
+            values['share'][slot] += len(one.members) / total
+            if k >= SLOTS:
+                continue
+            values['kind'][slot] = KINDS.index(one.kind.value)
+            values['exponent'][slot] = one.exponent
+            values['exponent_error'][slot] = one.exponent_error
+            if p.restitution > 0.0:
+                values['exact_sum'][slot] = (2.0 * math.log(p.restitution)
+                                             - p.beta * one.flight_time)
+            if one.orbit is not None:
+                values['period_impacts'][slot] = one.orbit.period_impacts
+                values['period_drive'][slot] = one.orbit.period_drive
+    return values
