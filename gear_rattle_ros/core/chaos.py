@@ -1,16 +1,20 @@
 """Chaotic attractors as sets of occupied boxes of the section."""
 
+from collections.abc import Sequence
 import dataclasses
+import math
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from .classify import BOXES, RecordArray
+from .classify import BOXES, cell_of, RecordArray
+from .compiled import kernel
 from .elementary import TWO_PI
 from .lyapunov import LyapunovReport, RunningLyapunov
 from .model import Parameters, State
-from .periodic import record_impacts
+from .periodic import name_near
+from .recorded import record_impacts
 from .simulation import Simulation
 from .table import dilated
 
@@ -25,6 +29,15 @@ AVERAGED: Final = 200_000
 # are dust of the sampling.
 COARSER: Final = 2
 DUST: Final = 1e-2
+# The orbit that names an attractor: trajectories that are searched, its longest period, how near
+# impacts must recur, and how near others are taken to lead to the same; the orbits that are tried
+# for a period, and the share of impacts that come near to one that counts.
+NAMED: Final = 24
+LONGEST: Final = 64
+RECURS: Final = 0.02
+ALIKE: Final = 0.01
+TRIED: Final = 60
+VISITED: Final = 1e-4
 # Boxes reach so much beyond the fastest impact.
 ROOM: Final = 1.02
 
@@ -42,8 +55,8 @@ class BoxSet:
         Numbers of the trajectories that fill it.
     pieces : int
         Connected parts, with phase as a circle.
-    mean_speeds : tuple of float
-        Mean speed before impacts at the upper and the lower wall [1]; 0 without impacts.
+    orbit : str
+        Name of the shortest periodic orbit on it, which repels.
     exponents : LyapunovReport
         Of its first trajectory.
 
@@ -52,13 +65,18 @@ class BoxSet:
     boxes: npt.NDArray[np.bool_]
     members: tuple[int, ...]
     pieces: int
-    mean_speeds: tuple[float, float]
+    orbit: str
     exponents: LyapunovReport
 
     @property
     def key(self) -> str:
-        """Name of its own: pieces and mean speeds at both walls."""
-        return 'chaotic-{}-U{:.2f}-L{:.2f}'.format(self.pieces, *self.mean_speeds)
+        """
+        Name of its own: the shortest periodic orbit on it.
+
+        Averages over the attractor are known with an error and fall on both sides of any
+        rounding; an orbit is exact.
+        """
+        return f'chaotic-{self.orbit}'
 
 
 def box_sets(parameters: Parameters, starts: RecordArray) -> tuple[list[BoxSet], float]:
@@ -82,23 +100,114 @@ def box_sets(parameters: Parameters, starts: RecordArray) -> tuple[list[BoxSet],
     first, _ = record_impacts(traced, 0, 2000)
     speed = ROOM * float(np.max(np.abs(first['velocity'])))
     counts = np.zeros((len(traced), 2 * BOXES * BOXES), np.uint16)
-    sums = np.zeros((len(traced), 2, 2))
     rows, made = record_impacts(traced, 0, LENGTH)
     for number in range(len(traced)):
         row = rows[number, :made[number]]
-        counts[number] = np.bincount(_boxes_hit(row, speed), minlength=2 * BOXES * BOXES)
-        for side in (0, 1):
-            of_side = np.abs(row['velocity'][np.signbit(row['velocity']) == bool(side)])
-            sums[number, side] = len(of_side), float(np.sum(of_side))
+        count_boxes(row, speed, counts[number])
     sets = []
     for members in _grouped(counts > 0):
         total = counts[members].sum(axis=0, dtype=np.int64).reshape(2, BOXES, BOXES)
-        number, speeds = np.moveaxis(sums[members].sum(axis=0), 1, 0)
-        means = speeds / np.maximum(number, 1.0)
+        full = [rows[number] for number in members if made[number] == LENGTH]
         sets.append(BoxSet(
-            total > 0, tuple(members), count_pieces(total), (float(means[0]), float(means[1])),
+            total > 0, tuple(members), count_pieces(total), shortest_orbit(parameters, full),
             exponents_of(parameters, traced[members[0]])))
     return sets, speed
+
+
+@kernel
+def count_boxes(row, speed, counts):  # type: ignore[no-untyped-def]
+    """
+    Count impacts in boxes.
+
+    Parameters
+    ----------
+    row : ndarray of IMPACT, shape (m,)
+        The impacts; those faster than the boxes are passed over, as they are in `classify`.
+    speed : float
+        Greatest speed of the boxes [1].
+    counts : ndarray of int, shape (2 * BOXES * BOXES,)
+        Added to.
+
+    """
+    for k in range(len(row)):
+        velocity = row[k].velocity
+        side = 1 if math.copysign(1.0, velocity) < 0.0 else 0
+        box = cell_of(side, row[k].phase, abs(velocity), speed, BOXES)
+        if box >= 0:
+            counts[box] += 1
+
+
+def shortest_orbit(parameters: Parameters, rows: Sequence[RecordArray]) -> str:
+    """
+    Name the shortest periodic orbit on a chaotic attractor.
+
+    Of those with the fewest impacts that trajectories often come near to, it is the first by
+    drive periods, wall and phase: nothing of that depends on the trajectories.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of the trajectories.
+    rows : sequence of ndarray of IMPACT, shape (m,)
+        Long trajectories on the attractor.
+
+    Returns
+    -------
+    str
+        Its name; 'none' where no orbit up to `LONGEST` impacts is seen.
+
+    """
+    if not rows:
+        return 'none'
+    impacts = np.stack(rows[:NAMED])
+    for q in range(1, LONGEST + 1):
+        early, late = impacts[:, :-q].ravel(), impacts[:, q:].ravel()
+        apart = np.where(
+            (np.signbit(early['velocity']) == np.signbit(late['velocity']))
+            & (late['cycle'] > early['cycle']), distance(early, late['phase'], late['velocity']),
+            np.inf)
+        near = np.flatnonzero(apart < RECURS)
+        near = near[np.argsort(apart[near], kind='stable')]
+        found: dict[str, tuple[int, int, float]] = {}
+        for _ in range(TRIED):
+            if not len(near):
+                break
+            impact = early[near[0]]
+            named = name_near(parameters, impact, q)
+            gone = distance(early[near], impact['phase'], impact['velocity']) < ALIKE
+            if named is not None:
+                name, sides, phases, velocities = named
+                for phase, velocity in zip(phases, velocities, strict=True):
+                    gone |= distance(early[near], phase, velocity) < ALIKE
+                visits = int(np.sum(distance(early, phases[0], velocities[0]) < ALIKE))
+                if visits > VISITED * len(early):
+                    found[name] = int(name.split('-')[1]), int(sides[0]), float(phases[0])
+            near = near[~gone]
+        if found:
+            return min(found, key=lambda name: found[name])
+    return 'none'
+
+
+def distance(impacts: RecordArray, phase: npt.ArrayLike, velocity: npt.ArrayLike
+             ) -> npt.NDArray[np.float64]:
+    """
+    Compare impacts with points of the section.
+
+    Parameters
+    ----------
+    impacts : ndarray of IMPACT, shape (n,)
+        The impacts.
+    phase, velocity : array_like
+        The points [rad, 1]; velocities differ in sign at different walls.
+
+    Returns
+    -------
+    ndarray of float
+        Largest difference in phase, around the circle, and velocity [1].
+
+    """
+    turn = np.abs(impacts['phase'] - phase)
+    return np.maximum(np.minimum(turn, TWO_PI - turn), np.abs(impacts['velocity'] - velocity))
 
 
 def exponents_of(parameters: Parameters, start: np.void, impacts: int = AVERAGED
@@ -172,13 +281,6 @@ def _flooded(boxes: npt.NDArray[np.bool_], seed: tuple[np.intp, ...]) -> npt.NDA
                     part[side, r, c] = True
                     waiting.append((side, r, c % boxes.shape[2]))
     return part
-
-
-def _boxes_hit(row: RecordArray, speed: float) -> npt.NDArray[np.int64]:
-    side = np.signbit(row['velocity']).astype(np.int64)
-    level = np.minimum((np.abs(row['velocity']) * (BOXES / speed)).astype(np.int64), BOXES - 1)
-    column = np.minimum((row['phase'] * (BOXES / TWO_PI)).astype(np.int64), BOXES - 1)
-    return np.asarray((side * BOXES + level) * BOXES + column)
 
 
 def _grouped(occupied: npt.NDArray[np.bool_]) -> list[list[int]]:

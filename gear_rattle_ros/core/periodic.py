@@ -1,4 +1,4 @@
-"""Stable periodic orbits: found in impacts, refined, and the neighbourhood that each attracts."""
+"""Periodic orbits: found in impacts, refined by Newton's method, named by their points."""
 
 import dataclasses
 import math
@@ -7,12 +7,14 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .classify import record, RecordArray, STEPS
+from .classify import RecordArray
 from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
 from .flight import acceleration, elapsed, is_pressed
-from .lanes import IMPACT, new_impacts, new_tiles, START
+from .lanes import IMPACT
 from .model import Parameters, STICKING_SPEED
+from .neighbourhood import attracted
+from .recorded import record_impacts, starts_after
 from .tangent import flight_matrix, impact_matrix
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
@@ -28,12 +30,6 @@ GRAIN: Final = 2.0**-33
 SAME: Final = 1e-7
 # A multiplier this near to the unit circle is not told from it.
 NEUTRAL: Final = 1e-9
-# The neighbourhood is tried by starts on so many rays and shells, at most at so many points of an
-# orbit, and halved so often.
-RAYS: Final = 24
-SHELLS: Final = (1.0, 0.7, 0.4)
-POINTS_TRIED: Final = 8
-HALVINGS: Final = 14
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,33 +69,30 @@ class Orbit:
     @property
     def key(self) -> str:
         """Name of its own: impacts and drive periods of a period, and its first point."""
-        wall = 'UL'[self.sides[0]]
-        return (f'orbit-{len(self.sides)}-{self.drive_periods}-{wall}'
-                f'{self.phases[0]:.4f}{self.velocities[0]:+.4f}')
+        return 'orbit-' + name_of(len(self.sides), self.drive_periods, int(self.sides[0]),
+                                  float(self.phases[0]), float(self.velocities[0]))
 
 
-def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordArray,
-                                                                        npt.NDArray[np.int64]]:
+def name_of(impacts: int, drive_periods: int, side: int, phase: float, velocity: float) -> str:
     """
-    Follow starts and keep some impacts of each.
+    Name a periodic orbit.
 
     Parameters
     ----------
-    starts : ndarray of START, shape (n,)
-        The starts.
-    skip, count : int
-        Impacts that are not kept, and those that are.
+    impacts, drive_periods : int
+        Its period.
+    side : int
+        Wall of its first impact, 0 or 1.
+    phase, velocity : float
+        The first impact [rad, 1].
 
     Returns
     -------
-    tuple of ndarray
-        Impacts, shape (n, count), and how many there are of each start.
+    str
+        The name; the point is known far better than it is written.
 
     """
-    rows = np.zeros((len(starts), count), IMPACT)
-    counts = np.zeros(len(starts), np.int64)
-    record(new_tiles(1)[0], new_impacts(STEPS), starts, skip, rows, counts)
-    return rows, counts
+    return f'{impacts}-{drive_periods}-{"UL"[side]}{phase:.4f}{velocity:+.4f}'
 
 
 @kernel
@@ -234,34 +227,6 @@ def section_tangents(row, start, tangents):  # type: ignore[no-untyped-def]
             tangents[k, 1, column] = dv - b * ds / w
 
 
-def starts_after(parameters: Parameters, sides: npt.ArrayLike, phases: npt.ArrayLike,
-                 velocities: npt.ArrayLike) -> RecordArray:
-    """
-    Make starts just after impacts.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of every trajectory.
-    sides, phases, velocities : array_like
-        Walls (0 or 1), phases [rad] and velocities just before the impacts [1].
-
-    Returns
-    -------
-    ndarray of START, shape (n,)
-        Their next impact is the one after.
-
-    """
-    phases = np.mod(np.asarray(phases, np.float64), TWO_PI)
-    starts = np.zeros(phases.shape, START)
-    starts['phase'] = np.where(phases >= TWO_PI, 0.0, phases)
-    starts['displacement'] = -np.asarray(sides, np.float64)
-    starts['velocity'] = -parameters.restitution * np.asarray(velocities, np.float64)
-    for name, value in dataclasses.asdict(parameters).items():
-        starts[name] = value
-    return starts
-
-
 def find_orbit(parameters: Parameters, row: RecordArray, longest: int,
                tolerance: float) -> Orbit | None:
     """
@@ -297,6 +262,36 @@ def find_orbit(parameters: Parameters, row: RecordArray, longest: int,
         return None
     impacts = _smallest_period(refined)
     return _stable_orbit(parameters, impacts, tolerance)
+
+
+def name_near(parameters: Parameters, impact: np.void, q: int
+              ) -> tuple[str, npt.NDArray[np.int64], FloatArray, FloatArray] | None:
+    """
+    Name the periodic orbit near an impact that recurs, whether it attracts or repels.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of the trajectory.
+    impact : IMPACT record
+        An impact which comes back to nearly the same place.
+    q : int
+        After so many impacts.
+
+    Returns
+    -------
+    tuple or None
+        The name, and walls, phases [rad] and velocities [1] of the orbit, each of shape (q,);
+        None if Newton's method does not find one, or its period is shorter than q.
+
+    """
+    row = _refine(parameters, impact, q)
+    if row is None or len(_smallest_period(row)) != len(row):
+        return None
+    sides, phases, velocities, _ = _canonical(row)
+    name = name_of(q, int(row['cycle'][-1] - row['cycle'][0]), int(sides[0]), float(phases[0]),
+                   float(velocities[0]))
+    return name, sides, phases, velocities
 
 
 def _sticking_orbit(impacts: RecordArray, side: int) -> Orbit:
@@ -386,7 +381,7 @@ def _stable_orbit(parameters: Parameters, row: RecordArray, tolerance: float) ->
                   (complex(multipliers[0]), complex(multipliers[1])), -1,
                   np.full((q, 3), np.inf))
     matrices = [periods[(turned + k) % q] for k in range(q)]
-    forms = _attracted(parameters, orbit, matrices, tolerance)
+    forms = attracted(parameters, orbit, matrices, tolerance)
     return None if not np.any(np.isfinite(forms)) else dataclasses.replace(orbit, forms=forms)
 
 
@@ -402,67 +397,6 @@ def _canonical(row: RecordArray) -> tuple[npt.NDArray[np.int64], FloatArray, Flo
     least = min(range(q), key=lambda k: (sides[k], phases[k]))
     order = [(least + k) % q for k in range(q)]
     return sides[order], phases[order], velocities[order], times[order]
-
-
-def _attracted(parameters: Parameters, orbit: Orbit, matrices: list[FloatArray],
-               tolerance: float) -> FloatArray:
-    """Find by trial, at some points, an ellipse that one period takes into itself."""
-    q = len(orbit.sides)
-    forms = np.full((q, 3), np.inf)
-    angles = np.arange(RAYS) * (TWO_PI / RAYS)
-    circle = np.stack([np.cos(angles), np.sin(angles)])
-    disc = np.concatenate([shell * circle for shell in SHELLS], axis=1)
-    for k in sorted({(j * q) // min(q, POINTS_TRIED) for j in range(min(q, POINTS_TRIED))}):
-        norm = _contracted_norm(matrices[k])
-        inverse = np.linalg.inv(norm)
-        # The largest ellipse that fits into the tolerance.
-        radius = tolerance / math.sqrt(max(inverse[0, 0], inverse[1, 1]))
-        shape = np.linalg.inv(np.linalg.cholesky(norm).T)
-        for _ in range(HALVINGS):
-            if _stays(parameters, orbit, k, shape @ disc * radius, norm / radius**2, tolerance):
-                forms[k] = np.array([norm[0, 0], norm[0, 1], norm[1, 1]]) / radius**2
-                break
-            radius *= 0.5
-    return forms
-
-
-def _contracted_norm(matrix: FloatArray) -> FloatArray:
-    """Sum a quadratic form that one period makes smaller (Lyapunov's equation)."""
-    largest = float(np.max(np.abs(np.linalg.eigvals(matrix))))
-    scaled = matrix / (0.5 * (1.0 + largest))
-    # Doubling: after n rounds 2^n terms.
-    total, step = np.eye(2), scaled
-    for _ in range(40):
-        total = total + step.T @ total @ step
-        step = step @ step
-        if np.max(np.abs(step)) < 1e-12:
-            break
-    return 0.5 * (total + total.T)
-
-
-def _stays(parameters: Parameters, orbit: Orbit, k: int, offsets: FloatArray, form: FloatArray,
-           tolerance: float) -> bool:
-    q = len(orbit.sides)
-    phases = orbit.phases[k] + offsets[0]
-    velocities = orbit.velocities[k] + offsets[1]
-    if np.any(np.signbit(velocities) != bool(orbit.sides[k])):
-        return False
-    rows, counts = record_impacts(
-        starts_after(parameters, np.full(len(phases), orbit.sides[k]), phases, velocities), 0, q)
-    if np.any(counts < q):
-        return False
-    order = (k + 1 + np.arange(q)) % q
-    turn = rows['phase'] - orbit.phases[order]
-    turn = turn - TWO_PI * np.round(turn / TWO_PI)
-    faster = rows['velocity'] - orbit.velocities[order]
-    if np.any(np.signbit(rows['velocity']) != orbit.sides[order].astype(bool)):
-        return False
-    if max(float(np.max(np.abs(turn))), float(np.max(np.abs(faster)))) > tolerance:
-        return False
-    back = np.stack([turn[:, -1], faster[:, -1]])
-    before = np.einsum('in,ij,jn->n', offsets, form, offsets)
-    after = np.einsum('in,ij,jn->n', back, form, back)
-    return bool(np.all(after < before))
 
 
 def _turn(angle: float) -> float:

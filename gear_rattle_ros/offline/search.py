@@ -31,7 +31,8 @@ from ..core.classify import (
 from ..core.lanes import EMPTY, new_impacts, new_tiles
 from ..core.lanes_step import LANES
 from ..core.model import Parameters
-from ..core.periodic import find_orbit, Orbit, record_impacts, shortest_recurrence
+from ..core.periodic import find_orbit, Orbit, shortest_recurrence
+from ..core.recorded import record_impacts
 from ..core.table import dilated, make_table
 
 TOLERANCE: Final = 1e-3

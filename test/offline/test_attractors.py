@@ -1,6 +1,7 @@
 """Attractors: exact statements, the scalar core, other seeds and threads."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -131,3 +132,40 @@ def test_the_tool_writes_what_it_prints(tmp_path, capsys):
     assert float(dataset['attractor_share'].sum()) == 1.0
     assert dataset.sizes['point'] == int(dataset['attractor_impacts'].sum())
     assert picture.stat().st_size > 5000
+
+
+@pytest.mark.parametrize('alpha', [0.51, 0.53])
+def test_keys_of_orbits_do_not_depend_on_the_plane(alpha):
+    """Other planes and seeds reach the same orbits, to the last digit of their names."""
+    keys = set()
+    for seed, displacement in ((3, 0.0), (4, -0.5), (5, -1.0)):
+        plane = Plane(displacement=displacement)
+        catalogue = find_attractors(Parameters(alpha=alpha), plane.random_starts(
+            Parameters(alpha=alpha), 300, seed), hold=4000, chaotic=False)
+        keys.add(tuple(orbit.key for orbit in catalogue.orbits))
+    assert len(keys) == 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(('alpha', 'impacts'), [(0.57, 2), (1.0, 2), (1.22, 2)])
+def test_keys_of_chaotic_attractors_do_not_depend_on_the_seed(alpha, impacts):
+    """The shortest orbit on the attractor is the same from any seed and plane, and repels."""
+    keys = set()
+    for seed, displacement in ((1, 0.0), (2, 0.0), (3, -0.5)):
+        plane, parameters = Plane(displacement=displacement), Parameters(alpha=alpha)
+        found = attractors_of(find_attractors(
+            parameters, plane.random_starts(parameters, 150, seed), hold=6000))
+        keys.add(tuple(each.key for each in found))
+        chaos, = (each for each in found if each.kind == 'chaotic')
+        # From the point that the key names the scalar core comes back to it after a period.
+        q, periods = (int(number) for number in chaos.key.split('-')[1:3])
+        wall, phase, velocity = re.fullmatch(
+            r'.*-([UL])(\d+\.\d{4})([+-]\d+\.\d{4})', chaos.key).groups()
+        assert (q, wall) == (impacts, 'U')
+        simulation = Simulation(parameters, State(0, float(phase), 0.0, -0.9 * float(velocity)))
+        back = simulation.advance(periods + 1, 0.0, q + 2)[q]
+        assert back['cycle'] == periods
+        assert back['phase'] == pytest.approx(float(phase), abs=5e-3)
+        assert back['velocity'] == pytest.approx(float(velocity), abs=5e-3)
+        assert 1e-5 < abs(back['phase'] - float(phase)) + abs(back['velocity'] - float(velocity))
+    assert len(keys) == 1

@@ -1,0 +1,111 @@
+"""Trajectories that are followed for some impacts, which are kept."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from .classify import RecordArray, STEPS
+from .compiled import kernel
+from .elementary import TWO_PI
+from .lanes import advance, EMPTY, IMPACT, new_impacts, new_tiles, refill, release, START
+from .lanes_step import LANES
+from .model import Parameters
+
+
+@kernel
+def record(tile, impacts, starts, skip, rows, counts):  # type: ignore[no-untyped-def]
+    """
+    Follow starts for a number of impacts and keep the last of them.
+
+    Parameters
+    ----------
+    tile : TILE record
+        With every lane free.
+    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
+        Room to work in.
+    starts : ndarray of START, shape (n,)
+        The starts.
+    skip : int
+        Impacts that are not kept.
+    rows : ndarray of IMPACT, shape (n, m)
+        Receives the m impacts after those.
+    counts : ndarray of int, shape (n,)
+        Receives how many there are: fewer than m where the trajectory ends.
+
+    """
+    most = float(skip + rows.shape[1])
+    following = 0
+    while True:
+        following = refill(tile, starts, following, most)
+        busy = 0
+        for i in range(LANES):
+            busy += tile.start[i] != EMPTY
+        if busy == 0:
+            return
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            number = tile.start[i]
+            if number == EMPTY:
+                continue
+            # `left` has counted these already; a lane that has ended has none left.
+            for k in range(tile.count[i]):
+                place = counts[number] - skip
+                if 0 <= place < rows.shape[1]:
+                    rows[number, place] = impacts[i, k]
+                counts[number] += 1
+            if tile.left[i] <= 0.0:
+                counts[number] = max(0, counts[number] - skip)
+                release(tile, i)
+
+
+def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordArray,
+                                                                        npt.NDArray[np.int64]]:
+    """
+    Follow starts and keep some impacts of each.
+
+    Parameters
+    ----------
+    starts : ndarray of START, shape (n,)
+        The starts.
+    skip, count : int
+        Impacts that are not kept, and those that are.
+
+    Returns
+    -------
+    tuple of ndarray
+        Impacts, shape (n, count), and how many there are of each start.
+
+    """
+    rows = np.zeros((len(starts), count), IMPACT)
+    counts = np.zeros(len(starts), np.int64)
+    record(new_tiles(1)[0], new_impacts(STEPS), starts, skip, rows, counts)
+    return rows, counts
+
+
+def starts_after(parameters: Parameters, sides: npt.ArrayLike, phases: npt.ArrayLike,
+                 velocities: npt.ArrayLike) -> RecordArray:
+    """
+    Make starts just after impacts.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of every trajectory.
+    sides, phases, velocities : array_like
+        Walls (0 or 1), phases [rad] and velocities just before the impacts [1].
+
+    Returns
+    -------
+    ndarray of START, shape (n,)
+        Their next impact is the one after.
+
+    """
+    phases = np.mod(np.asarray(phases, np.float64), TWO_PI)
+    starts = np.zeros(phases.shape, START)
+    starts['phase'] = np.where(phases >= TWO_PI, 0.0, phases)
+    starts['displacement'] = -np.asarray(sides, np.float64)
+    starts['velocity'] = -parameters.restitution * np.asarray(velocities, np.float64)
+    for name, value in dataclasses.asdict(parameters).items():
+        starts[name] = value
+    return starts
