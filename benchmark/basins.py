@@ -36,11 +36,11 @@ TARGETS = (
     ('lifetimes', ['--alpha', '1.244', '--cap', '5000'], 25.0),
 )
 # Peer, cells along an edge of its grid, impacts of each start.
-PEERS = (('heyoka', 60, 400), ('scipy', 10, 250))
+PEERS = (('heyoka', 50, 400), ('scipy', 10, 250))
 NEAR = 0.02
 TURNS = 2
 # Starts on which a peer differs that are decided in 50 digits.
-SAMPLE = 12
+SAMPLE = 8
 ARITHMETIC = 150_000_000
 
 

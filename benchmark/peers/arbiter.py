@@ -12,6 +12,7 @@ ALPHA, BETA, GAMMA, R = (mp.mpf(x) for x in (0.48, 0.1, 0.1, 0.9))
 STICKS = mp.mpf(1e-10)
 NEAR = mp.mpf(10)**-6
 CLOSE = mp.mpf(10)**-40
+LEAVES = mp.mpf(10)**-6
 CAP = 3000
 
 
@@ -72,8 +73,10 @@ def label_of(phase, velocity, orbits):
         for _ in range(CAP):
             sign = 1 if s == 0 else -1
             if abs(v) < STICKS and sign * acceleration(tau, 0) > 0:
+                # Past the release by so little that it has not come back yet.
                 tau += min(release(tau, sign))
-                v = mp.mpf(0) - sign * CLOSE
+                s, v = after(LEAVES, tau, s, mp.mpf(0))
+                tau += LEAVES
             d, u = next_impact(tau, s, v)
             tau, s, v = mp.fmod(tau + d, 2 * mp.pi), mp.mpf(0 if u > 0 else -1), -R * u
             for number, points in enumerate(orbits):
