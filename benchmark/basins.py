@@ -157,8 +157,8 @@ def compare(peer: str, size: int, count: int, folder: Path) -> tuple[np.ndarray,
             theirs[near] = number
     agree = ours == theirs
     print(f'  {peer}: {size} x {size} starts, {np.mean(agree):.2%} of the labels agree; '
-          f'{np.mean(~agree & (theirs >= 0)):.2%} are others, {np.mean(theirs < 0):.2%} have none; '
-          f'{theirs_seconds:.2f} s, {theirs_seconds / seconds:,.0f} times as long as here '
+          f'{np.mean(~agree & (theirs >= 0)):.2%} are others, {np.mean(theirs < 0):.2%} have '
+          f'none; {theirs_seconds:.2f} s, {theirs_seconds / seconds:,.0f} times as long as here '
           f'({seconds:.4f} s); at most {len(starts) * count / theirs_seconds:,.0f} impacts/s')
     decide(peer, starts, ours, theirs, result['lifetime'], catalogue)
     return ours.reshape(size, size), theirs.reshape(size, size)

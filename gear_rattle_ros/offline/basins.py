@@ -267,7 +267,7 @@ def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings)
 
     def draw() -> cli.Figure:
         from .pictures import draw_basins, in_words, thinned
-        labels = store.read_all('label')[thinned(plane)]
+        labels = store.read_every('label', thinned(plane))
         return draw_basins(labels.astype(np.int64), plane, attractors,
                            f'Basins of attraction, {in_words(catalogue)}, '
                            f's = {plane.displacement:g}')

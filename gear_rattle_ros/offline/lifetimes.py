@@ -83,8 +83,7 @@ class Escape:
         return '\n'.join(lines)
 
 
-def estimate_escape(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_], cap: int,
-                    begin: int) -> Escape:
+def estimate_escape(counts: npt.NDArray[np.int64], censored: int, begin: int) -> Escape:
     """
     Estimate the mean lifetime of censored transients.
 
@@ -94,12 +93,10 @@ def estimate_escape(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.b
 
     Parameters
     ----------
-    lifetimes : ndarray of int, shape (n,)
-        Impacts; the cap where censored.
-    censored : ndarray of bool, shape (n,)
-        Starts that were given up.
-    cap : int
-        Impacts after which they were.
+    counts : ndarray of int, shape (cap + 1,)
+        Starts that were seen to escape, by their lifetime [impacts].
+    censored : int
+        Starts that were given up at the cap.
     begin : int
         Where the tail begins [impacts], less than the cap.
 
@@ -114,31 +111,36 @@ def estimate_escape(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.b
         If there are no starts or the tail does not begin below the cap.
 
     """
-    n = len(lifetimes)
+    cap = len(counts) - 1
+    escaped = int(np.sum(counts))
+    n = escaped + censored
     if not n or not 0 <= begin < cap:
         raise ValueError(f'tail = {begin} does not lie below the cap of {cap} impacts')
+    lifetimes = np.append(np.arange(cap + 1), cap)
+    starts = np.append(counts, censored)
     late = lifetimes > begin
-    in_tail = int(np.sum(late))
-    escapes = int(np.sum(late & ~censored))
-    exposure = float(np.sum(lifetimes[late] - begin))
+    in_tail = int(np.sum(starts[late]))
+    escapes = int(np.sum(counts[late[:-1]]))
+    exposure = float(np.sum(starts[late] * (lifetimes[late] - begin)))
     rate = escapes / exposure if exposure else math.nan
     error = rate * math.sqrt((1.0 - rate) / escapes) if escapes else math.nan
     body = np.minimum(lifetimes, begin).astype(np.float64)
     if in_tail == 0:
-        mean, mean_error = float(np.mean(body)), float(np.std(body)) / math.sqrt(n)
+        mean, spread = _mean_and_spread(body, starts)
+        mean_error = spread / math.sqrt(n)
     elif escapes == 0:
         mean, mean_error = math.inf, math.inf
     else:
         # A start counts its body and, if it gets there, a mean tail; the rate has its own error.
         each = body + late / rate
         share = in_tail / n
-        mean = float(np.mean(each))
-        mean_error = math.hypot(float(np.std(each)) / math.sqrt(n), share * error / rate**2)
-    return Escape(cap, n, int(np.sum(censored)), begin, in_tail, escapes, rate, error, mean,
+        mean, spread = _mean_and_spread(each, starts)
+        mean_error = math.hypot(spread / math.sqrt(n), share * error / rate**2)
+    return Escape(cap, n, censored, begin, in_tail, escapes, rate, error, mean,
                   mean_error)
 
 
-def distribution(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_], cap: int
+def distribution(counts: npt.NDArray[np.int64], censored: int
                  ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64],
                             npt.NDArray[np.float64]]:
     """
@@ -146,12 +148,10 @@ def distribution(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool
 
     Parameters
     ----------
-    lifetimes : ndarray of int, shape (n,)
-        Impacts; the cap where censored.
-    censored : ndarray of bool, shape (n,)
-        Starts that were given up.
-    cap : int
-        Impacts after which they were.
+    counts : ndarray of int, shape (cap + 1,)
+        Starts that were seen to escape, by their lifetime [impacts].
+    censored : int
+        Starts that were given up at the cap.
 
     Returns
     -------
@@ -160,13 +160,11 @@ def distribution(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool
         share of the starts whose lifetime is longer than each edge, shape (b + 1,).
 
     """
-    edges = np.unique(np.round(np.geomspace(1, max(cap, 2), BINS)))
-    edges = np.concatenate([[0.0], edges])
-    escaped = np.sort(lifetimes[~censored])
-    below = np.searchsorted(escaped, edges, side='right')
+    cap = len(counts) - 1
+    edges = np.concatenate([[0.0], np.unique(np.round(np.geomspace(1, max(cap, 2), BINS)))])
+    below = np.cumsum(counts)[np.minimum(edges, cap).astype(np.int64)]
     below[0] = 0
-    counts = np.diff(below)
-    return edges, counts, 1.0 - below / max(len(lifetimes), 1)
+    return edges, np.diff(below), 1.0 - below / max(int(np.sum(counts)) + censored, 1)
 
 
 def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings,
@@ -198,9 +196,9 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     if not 0 <= begin < settings.cap:
         raise ValueError(f'--tail {begin} does not lie below the cap of {settings.cap} impacts')
     store, catalogue, attractors = compute_basins(parameters, plane, run, settings, TITLE)
-    lifetimes, censored = lifetimes_in(store)
-    escape = estimate_escape(lifetimes, censored, settings.cap, begin)
-    edges, counts, survival = distribution(lifetimes, censored, settings.cap)
+    escaped, censored = escapes_in(store, settings.cap)
+    escape = estimate_escape(escaped, censored, begin)
+    edges, counts, survival = distribution(escaped, censored)
     store.write_table({
         'edge': (('edge',), edges, {'long_name': 'edge of a bin', 'units': 'impacts'}),
         'escapes': (('bin',), counts, {
@@ -213,25 +211,37 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     return store, catalogue, attractors, escape
 
 
-def lifetimes_in(store: Store) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+def escapes_in(store: Store, cap: int) -> tuple[npt.NDArray[np.int64], int]:
     """
-    Read all lifetimes of a grid.
+    Count the lifetimes of a grid, tile by tile.
 
     Parameters
     ----------
     store : Store
         A finished grid.
+    cap : int
+        Impacts after which starts were given up.
 
     Returns
     -------
-    tuple of ndarray
-        Lifetimes [impacts] and whether they are censored, in the order of the tiles.
+    tuple
+        Starts that have escaped by their lifetime [impacts], shape (cap + 1,), and the number of
+        those that were given up.
 
     """
-    pieces = [(store.read(tile, 'lifetime').ravel(), store.read(tile, 'label').ravel())
-              for tile in range(len(store.tiles))]
-    return (np.concatenate([lifetime for lifetime, _ in pieces]).astype(np.int64),
-            np.concatenate([label == UNRESOLVED for _, label in pieces]))
+    counts = np.zeros(cap + 1, np.int64)
+    censored = 0
+    for tile in range(len(store.tiles)):
+        given_up = store.read(tile, 'label') == UNRESOLVED
+        censored += int(np.sum(given_up))
+        counts += np.bincount(store.read(tile, 'lifetime')[~given_up], minlength=cap + 1)
+    return counts, censored
+
+
+def _mean_and_spread(values: npt.NDArray[np.float64], counts: npt.NDArray[np.int64]
+                     ) -> tuple[float, float]:
+    mean = float(np.average(values, weights=counts))
+    return mean, math.sqrt(float(np.average((values - mean)**2, weights=counts)))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -271,10 +281,10 @@ def main(arguments: list[str] | None = None) -> int:
 
         def draw() -> cli.Figure:
             from .pictures import draw_lifetimes, in_words, thinned
-            cells = thinned(plane)
+            every = thinned(plane)
             return draw_lifetimes(
-                store.read_all('lifetime')[cells].astype(np.int64),
-                store.read_all('label')[cells] == UNRESOLVED, plane, escape.cap,
+                store.read_every('lifetime', every).astype(np.int64),
+                store.read_every('label', every) == UNRESOLVED, plane, escape.cap,
                 f'Lifetimes, {in_words(catalogue)}, s = {plane.displacement:g}', grey=given.grey)
 
         def draw_beside() -> cli.Figure:

@@ -9,11 +9,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
+from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
 from .attractors import Attractor
+from .figures_style import phase_ticks
 from .grid import Plane
 from .search import Catalogue
 from ..core.classify import UNRESOLVED
@@ -199,7 +200,7 @@ def in_words(catalogue: Catalogue) -> str:
             f'r {model.restitution:g}')
 
 
-def thinned(plane: Plane) -> tuple[slice, slice]:
+def thinned(plane: Plane) -> dict[str, int]:
     """
     Tell which cells are drawn.
 
@@ -210,12 +211,11 @@ def thinned(plane: Plane) -> tuple[slice, slice]:
 
     Returns
     -------
-    tuple of slice
-        Every so many along velocity and phase.
+    dict
+        Every so many along 'velocity' and 'phase'.
 
     """
-    return (slice(None, None, -(-plane.velocities // EDGE)),
-            slice(None, None, -(-plane.phases // EDGE)))
+    return {'velocity': -(-plane.velocities // EDGE), 'phase': -(-plane.phases // EDGE)}
 
 
 def _new(title: str) -> tuple[Figure, Axes]:
@@ -231,15 +231,10 @@ def _placed(plane: Plane) -> dict[str, Any]:
 
 
 def _label(axes: Axes, plane: Plane | None) -> None:
-    axes.set(xlabel='drive phase [π rad]', ylabel='velocity [1]')
-    width = 2.0 * math.pi if plane is None else plane.phase[1] - plane.phase[0]
-    if width > math.pi:
-        axes.xaxis.set_major_locator(MultipleLocator(math.pi / 4.0))
-    elif plane is not None:
-        ticks = MaxNLocator(6).tick_values(plane.phase[0] / math.pi, plane.phase[1] / math.pi)
-        axes.set_xticks([tick * math.pi for tick in ticks])
-        axes.set_xlim(*plane.phase)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value / math.pi:.7g}'))
+    window = (0.0, 2.0 * math.pi) if plane is None else plane.phase
+    axes.set_ylabel('velocity [1]', fontsize=12)
+    phase_ticks(axes, window)
+    axes.set_xlim(*window)
 
 
 def _share(chosen: npt.NDArray[np.bool_]) -> str:

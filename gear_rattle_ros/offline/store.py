@@ -219,6 +219,37 @@ class Store:
         """
         return np.asarray(self._group[name][...])
 
+    def read_every(self, name: str, steps: Mapping[str, int]) -> npt.NDArray[Any]:
+        """
+        Read some cells of a whole array, a tile at a time.
+
+        Parameters
+        ----------
+        name : str
+            A variable whose dimensions are all tiled.
+        steps : mapping
+            For each dimension, every so many.
+
+        Returns
+        -------
+        ndarray
+            A copy.
+
+        """
+        array = self._group[name]
+        names = array.attrs[DIMENSIONS]
+        found = np.empty([-(-size // steps[one]) for size, one in zip(
+            array.shape, names, strict=True)], array.dtype)
+        for tile, region in enumerate(self.tiles):
+            # The first cell of the tile that is wanted, and where it goes.
+            first = [-(-region[one].start // steps[one]) for one in names]
+            inside = tuple(slice(at * steps[one] - region[one].start, None, steps[one])
+                           for at, one in zip(first, names, strict=True))
+            cells = self.read(tile, name)[inside]
+            found[tuple(slice(at, at + n) for at, n in zip(
+                first, cells.shape, strict=True))] = cells
+        return found
+
     def mark(self, tile: int, done: bool = True) -> None:
         """
         Enter a tile as done; one process only does this.
