@@ -9,6 +9,7 @@ because ``|s''|`` without the drive only decays.
 
 from typing import Final
 
+from .compiled import kernel
 from .lanes_simd import choose, inlined, square_root
 
 # Longest single step of the search [1].
@@ -19,6 +20,9 @@ HORIZON_MINIMUM: Final = 0.3
 NEAR: Final = 2.0
 # Relative error at which Taylor's polynomial may end the search.
 LAST_STEP_ERROR: Final = 1e-16
+# Of a step that is shortened to no purpose: the next one had better be a leap.
+CRAWLS: Final = 2.0
+LEAP_TRIALS: Final = 16
 
 
 @inlined
@@ -87,6 +91,7 @@ def stop_behind(  # type: ignore[no-untyped-def]
     Shorten the step `front` where the mass may come back to the wall behind, and tell so by 1.
 
     The bound of the way back, ``-u t - f t^2/2 + c t^3/6``, is greatest at an end of the stretch.
+    Told by CRAWLS is that the step is so short because `front` is so long, not by the force.
     """
     c = worst_jerk(-jerk, jerk_bound, snap_bound, front)
     q = c * front * (1.0 / 3.0) - pull
@@ -94,7 +99,45 @@ def stop_behind(  # type: ignore[no-untyped-def]
     bends = way * c < 3.0 * pull * q
     back = choose(bends, 3.0 * pull, way) / choose(bends, c, q)
     returns = (front * (0.5 * q * front - speed) > behind) & (back < front)
-    return choose(returns, back, front), choose(returns, 1.0, 0.0)
+    crawls = (q > 16.0 * abs(pull)) & (16.0 * back < front)
+    return choose(returns, back, front), choose(returns, choose(crawls, CRAWLS, 1.0), 0.0)
+
+
+@kernel
+def leap(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
+         alpha: float, beta: float, gamma: float) -> float:
+    """
+    Find how far one can certainly go where the usual step crawls.
+
+    A mass that leaves a wall very slowly while the force changes its sign is soon back by the
+    jerk, much sooner than it could be at the other wall: of use is a bound for so long only.
+
+    Parameters
+    ----------
+    displacement, moved : float
+        At the beginning of the flight, and since then [1].
+    velocity, sine, cosine : float
+        Now, and of the phase now [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    float
+        A duration [1] in which no wall can be reached.
+
+    """
+    _, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
+        displacement, moved, velocity, sine, cosine, alpha, beta, gamma)
+    longest = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
+    step = longest
+    for _ in range(LEAP_TRIALS):
+        step, returns = stop_behind(longest, speed, pull, jerk, behind, jerk_bound, snap_bound)
+        if returns == 0.0 or 2.0 * step > longest:
+            break
+        # The bound goes as the inverse of its validity, or less.
+        longest = square_root(step) * square_root(longest)
+    return step
 
 
 @inlined
@@ -161,7 +204,7 @@ def close_in(  # type: ignore[no-untyped-def]
 
     Where the velocity certainly stays positive the zero is the first impact, and less than it by
     more than all errors is a certain step. Returned are the step, which wall it is towards,
-    whether it ends at that wall, and the velocity before the impact if so.
+    whether it ends at that wall, the velocity before the impact if so, and whether it crawls.
     """
     s4, s5, s6, s7, s8, bend = derivatives(towards, pull, sine, cosine, alpha, beta)
     x = aimed
@@ -186,4 +229,5 @@ def close_in(  # type: ignore[no-untyped-def]
     towards = choose(turns & (not certain), -towards, towards)
     before = choose(ends, impact_speed, towards * velocity)
     hits = ends | (d + step == d)
-    return (choose(ends, x, step), towards, hits, towards * choose(before > 0.0, before, 0.0))
+    return (choose(ends, x, step), towards, hits, towards * choose(before > 0.0, before, 0.0),
+            (returns == CRAWLS) & (not certain) & (not hits))

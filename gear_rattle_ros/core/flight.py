@@ -10,7 +10,15 @@ import math
 
 import numpy as np
 
-from .advancement import aim, close_in, HORIZON_MAXIMUM, look_ahead, stop_ahead, stop_behind
+from .advancement import (
+    aim,
+    close_in,
+    HORIZON_MAXIMUM,
+    leap,
+    look_ahead,
+    stop_ahead,
+    stop_behind,
+)
 from .compiled import kernel
 from .elementary import relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
 from .model import STICKING_SPEED
@@ -212,12 +220,16 @@ def search_impact(d: float, d_stop: float, phase: float, s0: float, v0: float, a
         aimed, error, slowness, longest = aim(
             speed, pull, jerk, ahead, horizon, jerk_bound, towards, sin_now, cos_now, alpha, beta)
         step, returns = stop_behind(front, speed, pull, jerk, behind, jerk_bound, snap_bound)
-        step, towards, hits, before = close_in(
+        step, towards, hits, before, crawls = close_in(
             d, velocity, step, returns, aimed, error, slowness, longest, speed, pull, jerk,
             jerk_bound, snap_bound, towards, sin_now, cos_now, alpha, beta)
         d += step
         if hits:
             return d, before, UPPER if towards > 0.0 else LOWER
+        if crawls:
+            moved, velocity, sin_now, cos_now = displace(
+                d, sin_p, cos_p, v0, alpha, beta, gamma)
+            d += leap(s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
         if d >= d_stop:
             return d, velocity, NO_WALL
 

@@ -22,6 +22,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from .advancement import leap
 from .compiled import kernel
 from .elementary import sine_cosine
 from .flight import (
@@ -35,7 +36,7 @@ from .flight import (
     rebound,
     release_delay,
 )
-from .lanes_step import LANES, step, TILE
+from .lanes_step import CRAWLING, LANES, step, TILE
 from .model import STICKING_SPEED
 
 CACHE_LINE: Final = 64
@@ -314,8 +315,8 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
     """
     Do for a lane what the vector loop leaves out.
 
-    That is sticking and grazing, flights of ``beta d >= 1``, and flights so long that they are
-    continued from a fresh start.
+    That is sticking and grazing, flights of ``beta d >= 1``, flights so long that they are
+    continued from a fresh start, and steps that crawl.
 
     Parameters
     ----------
@@ -333,6 +334,11 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
                 0.0)
             settle(tile, i)
         return
+    if tile.is_special[i] >= CRAWLING:
+        evaluate(tile, i)
+        tile.duration[i] += leap(
+            tile.displacement[i], tile.moved[i], tile.velocity_now[i], tile.sine_now[i],
+            tile.cosine_now[i], tile.alpha[i], tile.beta[i], tile.gamma[i])
     if tile.duration[i] >= LEG:
         moved, tile.velocity[i] = displace_leg(
             tile.cosine[i], tile.velocity[i], tile.alpha[i], tile.beta[i], tile.gamma[i])

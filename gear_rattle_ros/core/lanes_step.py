@@ -24,6 +24,9 @@ from .model import STICKING_SPEED
 # Lanes of a tile: its rows fit the first-level cache, with chains enough to hide latencies.
 LANES: Final = 96
 
+# Of `is_special`, or more: the lane's steps crawl.
+CRAWLING: Final = 2
+
 # One record is a tile; every field is a row of lanes. The flight of a lane began at `cycle`,
 # `phase`, with `displacement` and `velocity`, and is known to be free up to `duration` after that.
 TILE: Final = np.dtype(
@@ -126,7 +129,7 @@ def back(t, i):  # type: ignore[no-untyped-def]
 @inlined
 def close(t, i):  # type: ignore[no-untyped-def]
     """Find the impact of lane i, or its step; none where it is parked."""
-    step, towards, hits, velocity = close_in(
+    step, towards, hits, velocity, crawls = close_in(
         t.duration[i], t.velocity_now[i], t.step[i], t.returns[i], t.aimed[i], t.aim_error[i],
         t.slowness[i], t.longest[i], t.speed[i], t.pull[i], t.jerk[i], t.jerk_bound[i],
         t.snap_bound[i], t.towards[i], t.sine_now[i], t.cosine_now[i], t.alpha[i], t.beta[i])
@@ -135,6 +138,7 @@ def close(t, i):  # type: ignore[no-untyped-def]
     t.next_towards[i] = towards
     t.has_hit[i] = hits & is_active
     t.impact_velocity[i] = velocity
+    t.is_special[i] = CRAWLING * np.int64(crawls & is_active)
 
 
 @inlined
@@ -202,8 +206,8 @@ def fly(t, i):  # type: ignore[no-untyped-def]
     t.cosine_now[i] = cos_p - (cos_p * versine + sin_p * sine)
     special = (((t.has_hit[i] != 0) & (abs(v0) < STICKING_SPEED))
                | ((t.left[i] > 0.0) & ((x >= 1.0) | (d >= LEG))))
-    t.is_special[i] = special
-    return np.int64(special)
+    t.is_special[i] += special
+    return t.is_special[i]
 
 
 @kernel

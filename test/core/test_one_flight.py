@@ -83,6 +83,19 @@ def damped(random: np.random.Generator, count: int) -> LaneArray:
     return starts
 
 
+def slow_launches(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts that leave a wall very slowly where the force vanishes: they are soon back."""
+    starts = everywhere(random, count)
+    on_upper = random.random(count) < 0.5
+    starts['displacement'] = np.where(on_upper, 0.0, -1.0)
+    starts['velocity'] = np.where(on_upper, -1.0, 1.0) * 10.0**random.uniform(-40.0, -6.0, count)
+    starts['alpha'] = 10.0**random.uniform(-1.0, 3.0, count)
+    starts['phase'] = np.where(on_upper, np.pi, 0.0) + random.choice([0.0, 1e-12], count)
+    starts['beta'] = starts['gamma'] = 0.0
+    starts['restitution'] = 1.0
+    return starts
+
+
 @numba.njit
 def by_lanes(tile, impacts, starts, found, counts):  # type: ignore[no-untyped-def]
     """Write the first impacts of every start, through one tile."""
@@ -122,7 +135,8 @@ def by_events(trajectories, events, found, counts):  # type: ignore[no-untyped-d
 
 
 @pytest.mark.parametrize(
-    'kind', [everywhere, near_walls, from_rest, grazing, long_flights, damped])
+    'kind',
+    [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches])
 def test_scalar_and_lanes_give_the_same_bits(kind: Any) -> None:
     """Of 20,000 starts of each kind, the first eight impacts, through sticking and release."""
     starts = kind(np.random.default_rng(1), 20_000)
