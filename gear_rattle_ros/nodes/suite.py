@@ -1,6 +1,7 @@
 """The whole suite in one command: starts the nodes, shows how they do, and ends them."""
 
 import argparse
+from collections.abc import Sequence
 import contextlib
 import datetime
 import os
@@ -12,7 +13,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
@@ -24,11 +25,13 @@ from rclpy.utilities import try_shutdown
 from rich.console import Console
 from rich.live import Live
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from .display import render, Status
 from .processes import Processes
 from .shell import Stop
 from ..qos import LATCHED, STREAM
+from ..scenes import find_scene, load_scenes, Performance, Step
 
 READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 # The paper's two stories: a chaotic attractor, and a chaotic transient after the crisis.
@@ -57,7 +60,9 @@ class Monitor(Node):
         self.create_subscription(
             ParameterEvent, '/parameter_events', self._take_parameters,
             qos_profile_parameter_events)
-        self.set_parameter = self.create_client(SetParameters, 'simulator/set_parameters')
+        self.set_parameters_client = self.create_client(
+            SetParametersAtomically, 'simulator/set_parameters_atomically')
+        self.reset_client = self.create_client(Trigger, 'simulator/reset')
 
     def _take_exponents(self, message: JointState) -> None:
         values = dict(zip(message.name, message.position, strict=True))
@@ -146,6 +151,7 @@ class Suite:
                 'alpha': options.alpha, 'beta': options.beta, 'gamma': options.gamma,
                 'restitution': options.restitution, 'noise': options.noise,
                 'rate': options.rate, 'seed': options.seed,
+                'alpha_target': options.alpha_target, 'alpha_rate': options.alpha_rate,
                 'initial_phase': options.phase,
                 'initial_displacement': options.displacement,
                 'initial_velocity': options.velocity,
@@ -186,7 +192,7 @@ class Suite:
         with live or contextlib.nullcontext():
             began = time.monotonic()
             first = shown = 0.0
-            retuned = options.then is None
+            performance = Performance(_steps(options))
             while not self._stop.asked:
                 self._executor.spin_once(timeout_sec=0.05)
                 now = time.monotonic()
@@ -195,6 +201,8 @@ class Suite:
                     status.phase = f'starting, {now - began:.0f} s'
                     if status.impacts:
                         first = now
+                        # The simulator was started with what the first step says.
+                        performance.due(now, status.alpha)
                         self._prepare_summary()
                         status.phase = 'running'
                         if live is None:
@@ -204,10 +212,9 @@ class Suite:
                                          f'see {self._folder / "log"}')
                 else:
                     status.seconds = now - first
-                    if not retuned and status.seconds >= options.duration / 2.0:
-                        retuned = True
-                        self._call(monitor.set_parameter, SetParameters.Request(parameters=[
-                            Parameter('alpha', value=options.then).to_parameter_msg()]))
+                    step = performance.due(now, status.alpha)
+                    if step is not None:
+                        self._begin(step, monitor)
                     if options.duration > 0.0 and status.seconds >= options.duration:
                         break
                 status.bag_bytes = sum(
@@ -226,11 +233,27 @@ class Suite:
             raise SuiteError(
                 f'{name} has ended with status {status}: {self._processes.last_words(name)}')
 
+    def _begin(self, step: Step, monitor: Monitor) -> None:
+        if step.parameters:
+            self._call(monitor.set_parameters_client, SetParametersAtomically.Request(parameters=[
+                Parameter(name, value=value).to_parameter_msg()
+                for name, value in step.parameters.items()]))
+        if step.reset:
+            self._call(monitor.reset_client, Trigger.Request())
+
     def _call(self, client: Client, request: object) -> None:
         future = client.call_async(request)
         self._executor.spin_until_future_complete(future, timeout_sec=5.0)
         if not future.done():
             raise SuiteError(f'{client.srv_name} does not answer')
+
+
+def _steps(options: argparse.Namespace) -> Sequence[Step]:
+    if options.scene is not None:
+        return find_scene(options.scene).steps
+    if options.then is not None:
+        return [Step({}, options.duration / 2.0), Step({'alpha': options.then}, 0.0)]
+    return [Step({}, 0.0)]
 
 
 def _command(name: str) -> str:
@@ -268,6 +291,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add = parser.add_argument
     add('--alpha', type=float, help='amplitude of the drive [1]; without it the run tells the '
         f'two stories of the paper, {STORY[0]} and, from half-way, {STORY[1]}')
+    add('--scene', metavar='NAME', help='a situation of the paper, for as long as it takes; '
+        'list shows them; other options go before what it says')
     add('--then', type=float, metavar='ALPHA', help='alpha from half-way on [1]')
     add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
     add('--rate', type=float, default=1000.0, help='drive periods per second; 0 = as fast as all '
@@ -283,7 +308,23 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
     add('--output', help='folder for everything (runs/<date and time>)')
+    parser.set_defaults(alpha_target=0.0, alpha_rate=0.0)
     options = parser.parse_args(arguments)
+    if options.scene is not None:
+        try:
+            if options.scene == 'list':
+                parser.exit(0, ''.join(
+                    f'{name:16} {scene.title}\n' for name, scene in load_scenes().items()))
+            scene = find_scene(options.scene)
+        except ValueError as error:
+            parser.exit(2, f'suite: {error}\n')
+        if options.then is not None:
+            parser.exit(2, 'suite: --then and --scene exclude each other; leave one out\n')
+        first = {name.removeprefix('initial_'): value
+                 for name, value in scene.steps[0].parameters.items()}
+        # What the command line says goes before the scene.
+        parser.set_defaults(duration=scene.seconds, **first)
+        options = parser.parse_args(arguments)
     if not options.duration >= 0.0:
         parser.error(f'--duration {options.duration:g} is negative; 0 = until stopped')
     if options.alpha is None:

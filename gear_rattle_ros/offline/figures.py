@@ -12,11 +12,9 @@ import html
 import importlib
 import io
 import json
-import os
 from pathlib import Path
 import re
 import shlex
-import sys
 import time
 from typing import Any, Final
 
@@ -24,6 +22,7 @@ import yaml
 
 from .cli import attempt, INTERRUPTED, PACKAGE, Parser
 from .store import versions
+from ..places import config_folder
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
 AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',
@@ -135,22 +134,6 @@ def _recipe(path: Path) -> Recipe:
         if word not in command:
             raise ValueError(f'{path}: the command lacks {word}')
     return Recipe(command=command, **values)
-
-
-def recipes_folder() -> Path:
-    """
-    Find the recipes that belong to this package.
-
-    Returns
-    -------
-    Path
-        In the checkout, else where the package is installed.
-
-    """
-    prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
-    places = [Path(__file__).parents[2] / 'config' / 'figures',
-              *(Path(p) / 'share' / PACKAGE / 'config' / 'figures' for p in prefixes if p)]
-    return next((place for place in places if place.is_dir()), places[0])
 
 
 def make(recipe: Recipe, folder: Path) -> int:
@@ -274,7 +257,7 @@ def _run(arguments: list[str] | None) -> int:
     parser.add_argument('--recipes', type=Path, metavar='DIR',
                         help='folder of recipes; those of the package by default')
     given = parser.parse_args(arguments)
-    recipes = load_recipes(given.recipes or recipes_folder())
+    recipes = load_recipes(given.recipes or config_folder('figures'))
     chosen = given.figures or list(recipes)
     for name in chosen:
         if name not in recipes:

@@ -6,8 +6,9 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from gear_rattle_ros.offline.figures import load_recipes, main, recipes_folder
+from gear_rattle_ros.offline.figures import load_recipes, main
 from gear_rattle_ros.offline.figures_style import equalise, in_pi, shade
+from gear_rattle_ros.places import config_folder
 
 PAPER = ['2', '3', '4', '5', '6', '7', '8a', '8b', '9a', '9b', '10', '11', '12']
 RECIPE = """
@@ -43,7 +44,7 @@ def drawn(tmp_path_factory):
 
 
 def test_every_figure_of_the_paper_has_a_recipe():
-    recipes = load_recipes(recipes_folder())
+    recipes = load_recipes(config_folder('figures'))
     assert list(recipes) == PAPER
     for recipe in recipes.values():
         assert recipe.paper and recipe.known and recipe.finding

@@ -1,0 +1,189 @@
+"""
+Scenes: situations of the paper by name, as files say them.
+
+A scene is a YAML file: a title, a text and steps. A step sets parameters of the simulator, resets
+the state if it says so, and lasts its seconds, or longer: until a ramp of alpha that it began has
+arrived. The first step always resets, and what it does not say is as in `START`.
+"""
+
+from collections.abc import Mapping, Sequence
+import dataclasses
+import math
+from pathlib import Path
+import types
+from typing import Any, Final, TypeAlias
+
+import yaml
+
+from .core.model import Parameters, State
+from .core.simulation import NOISE_MAXIMUM, SEED_MAXIMUM
+from .places import config_folder
+
+Number: TypeAlias = int | float
+# Everything of the simulator that changes live; alpha itself a scene has to say.
+START: Final[Mapping[str, Number]] = types.MappingProxyType({
+    'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9, 'noise': 0.0, 'seed': 0, 'rate': 1000.0,
+    'initial_phase': 0.0, 'initial_displacement': 0.0, 'initial_velocity': -1.0,
+    'alpha_rate': 0.0,
+})
+NAMES: Final = ('alpha', 'alpha_target', *START)
+LIMITS: Final[Mapping[str, tuple[float, float]]] = types.MappingProxyType({
+    'noise': (0.0, NOISE_MAXIMUM), 'rate': (0.0, 1e7), 'alpha_rate': (0.0, 1.0),
+    'seed': (0, SEED_MAXIMUM),
+})
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """What to set [units of the simulator's parameters], whether to reset, how long it lasts."""
+
+    parameters: Mapping[str, Number]
+    seconds: float
+    reset: bool = False
+
+    @property
+    def ramps_to(self) -> float | None:
+        """Return the alpha at which a ramp of this step ends [1]; None without a ramp."""
+        ramps = self.parameters.get('alpha_rate', 0.0) > 0.0
+        return float(self.parameters['alpha_target']) if ramps else None
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A situation by name; its first step holds every parameter."""
+
+    name: str
+    title: str
+    text: str
+    steps: tuple[Step, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Return how long it takes, ramps included, at its own rates [s]; inf at full speed."""
+        total, alpha, rate = 0.0, 0.0, 0.0
+        for step in self.steps:
+            alpha = float(step.parameters.get('alpha', alpha))
+            rate = float(step.parameters.get('rate', rate))
+            ramp = 0.0
+            if step.ramps_to is not None:
+                periods = abs(step.ramps_to - alpha) / float(step.parameters['alpha_rate'])
+                ramp = periods / rate if rate > 0.0 else math.inf
+                alpha = step.ramps_to
+            total += max(step.seconds, ramp)
+        return total
+
+
+class Performance:
+    """Tells when which of some steps is due, from the time and the alpha that is in force."""
+
+    def __init__(self, steps: Sequence[Step]) -> None:
+        self._steps = steps
+        self._next = 0
+        self._began = -math.inf
+
+    @property
+    def is_over(self) -> bool:
+        """Tell whether the last step has begun."""
+        return self._next == len(self._steps)
+
+    def due(self, now: float, alpha: float) -> Step | None:
+        """Return the step that begins at a time [s], given alpha [1]; None while one lasts."""
+        if self.is_over:
+            return None
+        if self._next > 0:
+            before = self._steps[self._next - 1]
+            ramps_to = before.ramps_to
+            # What is asked for and what is in force may differ in the last digit.
+            arrived = ramps_to is None or math.isclose(alpha, ramps_to, rel_tol=1e-12)
+            if now < self._began + before.seconds or not arrived:
+                return None
+        self._began = now
+        self._next += 1
+        return self._steps[self._next - 1]
+
+
+def load_scenes(folder: Path | None = None) -> dict[str, Scene]:
+    """Return all scenes by name, in the order of their alpha; ValueError names a bad one."""
+    folder = config_folder('scenes') if folder is None else folder
+    scenes = [read_scene(path) for path in sorted(folder.glob('*.yaml'))]
+    if not scenes:
+        raise ValueError(f'{folder} holds no scenes; install the package with its config/')
+    scenes.sort(key=lambda scene: scene.steps[0].parameters['alpha'])
+    return {scene.name: scene for scene in scenes}
+
+
+def find_scene(name: str) -> Scene:
+    """Return a scene by its name; ValueError names them all."""
+    scenes = load_scenes()
+    if name not in scenes:
+        raise ValueError(f'no scene {name!r}; there are {", ".join(scenes)}')
+    return scenes[name]
+
+
+def read_scene(path: Path) -> Scene:
+    """Read one scene; ValueError says what is wrong with it."""
+    try:
+        content: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except yaml.YAMLError as error:
+        raise ValueError(f'{path} is no YAML: {" ".join(str(error).split())}') from error
+    if not isinstance(content, dict) or content.keys() != {'title', 'text', 'steps'}:
+        raise ValueError(f'{path} must say title, text and steps, nothing else')
+    given = content['steps']
+    if not isinstance(given, list) or not given:
+        raise ValueError(f'{path}: steps = {given!r} is no list of steps')
+    steps: list[Step] = []
+    known: dict[str, Number] = {}
+    for number, item in enumerate(given, 1):
+        try:
+            step = _step(item, first=number == 1)
+            known.update(step.parameters)
+            _check(known)
+        except ValueError as error:
+            raise ValueError(f'{path}: step {number}: {error}') from error
+        steps.append(step)
+    words = {name: ' '.join(str(content[name]).split()) for name in ('title', 'text')}
+    return Scene(path.stem, steps=tuple(steps), **words)
+
+
+def _step(item: Any, first: bool) -> Step:
+    if not isinstance(item, dict) or not item.keys() <= {'parameters', 'reset', 'seconds'}:
+        raise ValueError(f'{item!r} may say parameters, reset and seconds, nothing else')
+    parameters, reset, seconds = (
+        item.get(name, default) for name, default in (
+            ('parameters', {}), ('reset', first), ('seconds', 0.0)))
+    if not isinstance(parameters, dict) or not isinstance(reset, bool) or not _is_number(seconds):
+        raise ValueError(f'{item!r}: parameters maps names to numbers, reset is true or false, '
+                         'seconds a number')
+    if not 0.0 <= seconds < math.inf:
+        raise ValueError(f'seconds = {seconds!r} must not be negative')
+    for name, value in parameters.items():
+        if name not in NAMES:
+            raise ValueError(f'unknown parameter {name!r}; known are {", ".join(NAMES)}')
+        if not _is_number(value) or not math.isfinite(value):
+            raise ValueError(f'{name} = {value!r} is not a number')
+    if first:
+        if 'alpha' not in parameters:
+            raise ValueError('the first step must set alpha')
+        parameters = {**START, 'alpha_target': parameters['alpha'], **parameters}
+    if parameters.get('alpha_rate', 0.0) > 0.0 and 'alpha_target' not in parameters:
+        raise ValueError('a ramp needs alpha_target beside alpha_rate')
+    # Sent as they are, an integer would not be taken for a double everywhere.
+    return Step(types.MappingProxyType({
+        name: value if name == 'seed' else float(value) for name, value in parameters.items()}),
+        float(seconds), reset or first)
+
+
+def _check(known: Mapping[str, Number]) -> None:
+    """Let the model say whether it takes the parameters in force."""
+    Parameters(*(float(known[name]) for name in ('alpha', 'beta', 'gamma', 'restitution')))
+    Parameters(alpha=float(known['alpha_target']))
+    State(0, *(float(known[f'initial_{name}']) for name in ('phase', 'displacement', 'velocity')))
+    for name, (low, high) in LIMITS.items():
+        if not low <= known[name] <= high:
+            raise ValueError(f'{name} = {known[name]!r} is outside [{low:g}, {high:g}]')
+    if not isinstance(known['seed'], int):
+        raise ValueError(f'seed = {known["seed"]!r} is not a whole number')
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
