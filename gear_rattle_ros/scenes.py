@@ -81,25 +81,26 @@ class Performance:
         self._next = 0
         self._began = -math.inf
 
-    @property
-    def is_over(self) -> bool:
-        """Tell whether the last step has begun."""
-        return self._next == len(self._steps)
+    def is_over(self, now: float, alpha: float) -> bool:
+        """Tell whether the last step has ended at a time [s], given alpha [1]."""
+        return self._next == len(self._steps) and self._has_ended(now, alpha)
 
     def due(self, now: float, alpha: float) -> Step | None:
         """Return the step that begins at a time [s], given alpha [1]; None while one lasts."""
-        if self.is_over:
+        if self._next == len(self._steps) or not self._has_ended(now, alpha):
             return None
-        if self._next > 0:
-            before = self._steps[self._next - 1]
-            ramps_to = before.ramps_to
-            # What is asked for and what is in force may differ in the last digit.
-            arrived = ramps_to is None or math.isclose(alpha, ramps_to, rel_tol=1e-12)
-            if now < self._began + before.seconds or not arrived:
-                return None
         self._began = now
         self._next += 1
         return self._steps[self._next - 1]
+
+    def _has_ended(self, now: float, alpha: float) -> bool:
+        """Tell whether the step that was begun last has ended; none has, before the first."""
+        if self._next == 0:
+            return True
+        step = self._steps[self._next - 1]
+        # What is asked for and what is in force may differ in the last digit.
+        arrived = step.ramps_to is None or math.isclose(alpha, step.ramps_to, rel_tol=1e-12)
+        return arrived and now >= self._began + step.seconds
 
 
 def load_scenes(folder: Path | None = None) -> dict[str, Scene]:

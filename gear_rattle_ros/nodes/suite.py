@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 import contextlib
 import datetime
+import math
 import os
 from pathlib import Path
 import shlex
@@ -215,7 +216,8 @@ class Suite:
                     step = performance.due(now, status.alpha)
                     if step is not None:
                         self._begin(step, monitor)
-                    if options.duration > 0.0 and status.seconds >= options.duration:
+                    if performance.is_over(now, status.alpha) if options.plays_out else (
+                            0.0 < options.duration <= status.seconds):
                         break
                 status.bag_bytes = sum(
                     path.stat().st_size for path in (self._folder / 'bag').glob('*.mcap'))
@@ -308,7 +310,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
     add('--output', help='folder for everything (runs/<date and time>)')
-    parser.set_defaults(alpha_target=0.0, alpha_rate=0.0)
+    parser.set_defaults(alpha_target=0.0, alpha_rate=0.0, plays_out=False)
     options = parser.parse_args(arguments)
     if options.scene is not None:
         try:
@@ -323,8 +325,11 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         first = {name.removeprefix('initial_'): value
                  for name, value in scene.steps[0].parameters.items()}
         # What the command line says goes before the scene.
-        parser.set_defaults(duration=scene.seconds, **first)
+        parser.set_defaults(duration=math.inf, **first)
         options = parser.parse_args(arguments)
+        # A slow machine takes longer over its ramps.
+        options.plays_out = math.isinf(options.duration)
+        options.duration = scene.seconds if options.plays_out else options.duration
     if not options.duration >= 0.0:
         parser.error(f'--duration {options.duration:g} is negative; 0 = until stopped')
     if options.alpha is None:

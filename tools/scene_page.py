@@ -1,0 +1,162 @@
+"""
+Write doc/scenes.md and its pictures, from the files of config/scenes alone.
+
+Every scene is played without ROS: the same steps, with drive periods for seconds. What the page
+says of a scene was found in the very events that its picture shows.
+"""
+
+from collections.abc import Iterator, Mapping
+import dataclasses
+import math
+from pathlib import Path
+import sys
+import textwrap
+
+import numpy as np
+
+from gear_rattle_ros.core.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.model import EventArray, impact_count, Parameters, State
+from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.scenes import load_scenes, Number, Scene, START, Step
+
+COMMAND = 'python tools/scene_page.py'
+MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
+# More events than are ever asked for at once.
+MANY = 1 << 20
+# Estimates of the exponents are taken so many impacts apart, as many as their window.
+WINDOW = 1000
+HEAD = f"""# Scenes
+
+Situations of the paper by name. `suite --scene NAME` plays one, `suite --scene list` names them,
+and the keyboard (`ros2 run gear_rattle_ros teleop`) has a key for each; a scene is a file of
+`config/scenes`. This page, the numbers on it and its pictures are written by
+
+    {COMMAND}
+
+What a first step does not say is beta = gamma = 0.1, r = 0.9, no noise, and the start: phase 0 on
+the upper wall, s' = -1, 1000 drive periods per second.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """The events of a step, and what was found in them."""
+
+    step: Step
+    events: EventArray
+    words: str
+    impacts: tuple[int, ...]
+    exponents: tuple[float, ...]
+    exponent: float
+    error: float
+
+
+def play(scene: Scene) -> list[Stretch]:
+    """Play a scene without ROS."""
+    known: dict[str, Number] = dict(scene.steps[0].parameters)
+    simulation = Simulation(_model(known), _initial(known), noise=float(known['noise']),
+                            seed=int(known['seed']))
+    detector, running = TransientDetector(), RunningLyapunov(WINDOW)
+    stretches, total = [], 0
+    for number, step in enumerate(scene.steps):
+        known.update(step.parameters)
+        parts = [*_enter(simulation, step, known if number else {}),
+                 *_last(simulation, step, known)]
+        events = np.concatenate(parts)
+        detector.update(events)
+        impacts, exponents = [], []
+        for piece in np.array_split(events, max(len(events) // WINDOW, 1)):
+            running.update(piece)
+            total += impact_count(piece)
+            impacts.append(total)
+            exponents.append(running.report().lambda_1_finite)
+        report = running.report()
+        stretches.append(Stretch(step, events, detector.report.describe(), tuple(impacts),
+                                 tuple(exponents), report.lambda_1, report.lambda_1_error))
+    return stretches
+
+
+def _enter(simulation: Simulation, step: Step, known: Mapping[str, Number]
+           ) -> Iterator[EventArray]:
+    """Set what a step says, and reset where it does."""
+    if any(name in step.parameters for name in MODEL) and known:
+        yield simulation.retune(_model(known))
+    if known and step.reset:
+        state = _initial(known)
+        yield simulation.reset(state.phase, state.displacement, state.velocity)
+
+
+def _last(simulation: Simulation, step: Step, known: dict[str, Number]) -> Iterator[EventArray]:
+    """Go on for as long as a step lasts; alpha moves at the end of every drive period."""
+    left = round(step.seconds * known['rate'])
+    target, rate = step.ramps_to, float(known['alpha_rate'])
+    while left > 0 or known['alpha'] != target is not None:
+        periods = left if known['alpha'] == target or target is None else 1
+        yield simulation.advance(simulation.moment[0] + periods, 0.0, MANY)
+        left -= periods
+        if target is not None and known['alpha'] != target:
+            away = target - known['alpha']
+            known['alpha'] += math.copysign(min(rate, abs(away)), away)
+            yield simulation.retune(_model(known))
+
+
+def _model(known: Mapping[str, Number]) -> Parameters:
+    return Parameters(**{name: float(known[name]) for name in MODEL})
+
+
+def _initial(known: Mapping[str, Number]) -> State:
+    return State(0, *(float(known[f'initial_{name}'])
+                      for name in ('phase', 'displacement', 'velocity')))
+
+
+def found(stretches: list[Stretch]) -> list[str]:
+    """Say what was found, a line for each step."""
+    lines = []
+    for number, stretch in enumerate(stretches, 1):
+        events, says = stretch.events, stretch.words
+        alpha = ' to '.join(f'{value:g}' for value in dict.fromkeys(
+            round(float(events['alpha'][place]), 12) for place in (0, -1)))
+        line = f'{number}. alpha {alpha}, {impact_count(events):,} impacts: {says}'
+        # A ramp begins its averages anew in every drive period.
+        if stretch.step.ramps_to is None and math.isfinite(stretch.error):
+            line += f'; largest exponent {stretch.exponent:+.3f}'
+        lines.append(line)
+    return lines
+
+
+def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
+    """Return the page."""
+    parts = [HEAD]
+    for number, (name, (scene, stretches)) in enumerate(played.items(), 1):
+        steps = '\n'.join(f'| {n} | {_says(step, n == 1)} | {step.seconds:g} |'
+                          for n, step in enumerate(scene.steps, 1))
+        parts.append(
+            f'\n## {scene.title}\n\n{textwrap.fill(scene.text, 99)}\n\n![{scene.title}](scenes/{name}.png)\n'
+            f'\n    suite --scene {name}\n\nor key {number} of the keyboard; '
+            f'{scene.seconds:g} s.\n\n| step | sets | seconds at least |\n|---|---|---|\n{steps}\n'
+            '\nFound in each step:\n\n' + '\n'.join(found(stretches)) + '\n')
+    return ''.join(parts)
+
+
+def _says(step: Step, first: bool) -> str:
+    known = {**START, 'alpha_target': step.parameters.get('alpha')} if first else {}
+    words = [f'`{name}` {value:g}' for name, value in step.parameters.items()
+             if known.get(name) != value]
+    return ', '.join([*words, *(['then resets'] if step.reset else [])]) or 'nothing'
+
+
+def main() -> int:
+    """Write the page and its pictures."""
+    from scene_pictures import draw, save
+    doc = Path(sys.argv[1] if len(sys.argv) > 1 else 'doc')
+    (doc / 'scenes').mkdir(parents=True, exist_ok=True)
+    played = {name: (scene, play(scene)) for name, scene in load_scenes().items()}
+    for name, (scene, stretches) in played.items():
+        save(draw(scene, stretches), doc / 'scenes' / f'{name}.png')
+    (doc / 'scenes.md').write_text(page(played), encoding='utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,118 @@
+"""The picture of a scene: section, velocities, exponents or alpha."""
+
+import io
+import math
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+import numpy as np
+from PIL import Image
+from scene_page import Stretch
+
+from gear_rattle_ros.core.model import EventArray, EventKind
+from gear_rattle_ros.offline.figures_style import DPI, GREY, hue, new_figure, phase_ticks
+from gear_rattle_ros.scenes import Scene
+
+WIDTH, HEIGHT = 1100, 560
+# Points drawn for a step at the most, taken evenly.
+POINTS = 25_000
+# Colours of the picture file: dots on white need no more.
+PALETTE = 48
+
+
+def draw(scene: Scene, stretches: list[Stretch]) -> Figure:
+    """Draw a scene."""
+    figure = new_figure(WIDTH, HEIGHT)
+    figure.set_layout_engine('constrained')
+    figure.suptitle(scene.title, fontsize=14)
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.15))[0]
+    section = left.subplots()
+    upper, lower = right.subplots(2, 1, height_ratios=(1.5, 1.0))
+    sweeps = any(stretch.step.ramps_to is not None for stretch in stretches)
+    _draw_section(section, stretches)
+    if sweeps:
+        _draw_diagram(upper, stretches)
+        _draw_alpha(lower, stretches)
+    else:
+        _draw_velocities(upper, stretches)
+        _draw_exponents(lower, stretches)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture with few colours, and so few bytes."""
+    raw = io.BytesIO()
+    figure.savefig(raw, dpi=DPI)
+    Image.open(raw).convert('RGB').quantize(PALETTE, dither=Image.Dither.NONE).save(
+        path, optimize=True)
+
+
+def _impacts(events: EventArray) -> EventArray:
+    impacts = events[events['kind'] <= EventKind.STICK]
+    return impacts[::max(1, math.ceil(len(impacts) / POINTS))]
+
+
+def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, number: int) -> None:
+    axes.scatter(x, y, s=float(np.clip(20_000 / max(len(x), 1), 1.5, 16.0)), linewidths=0,
+                 color=hue(number))
+
+
+def _draw_section(axes: Axes, stretches: list[Stretch]) -> None:
+    for number, stretch in enumerate(stretches):
+        impacts = _impacts(stretch.events)
+        _dots(axes, impacts['phase'], impacts['velocity'], number)
+        if len(stretches) > 1:
+            axes.scatter([], [], s=30, color=hue(number), label=f'step {number + 1}')
+    if len(stretches) > 1:
+        axes.legend(loc='upper right', framealpha=0.9, ncols=2)
+    axes.axhline(0.0, color=GREY, linewidth=0.6)
+    axes.set(title='Section: every impact', xlim=(0.0, 2.0 * math.pi),
+             ylabel="velocity before impact, s' [1]")
+    axes.margins(y=0.12)
+    axes.text(0.01, 0.985, 'upper wall', transform=axes.transAxes, va='top', color=GREY)
+    axes.text(0.01, 0.015, 'lower wall', transform=axes.transAxes, color=GREY)
+    phase_ticks(axes, (0.0, 2.0 * math.pi))
+
+
+def _draw_velocities(axes: Axes, stretches: list[Stretch]) -> None:
+    for number, stretch in enumerate(stretches):
+        impacts = _impacts(stretch.events)
+        first = stretches[number - 1].impacts[-1] if number else 0
+        _dots(axes, first + np.linspace(0, stretch.impacts[-1] - first, len(impacts)),
+              impacts['velocity'], number)
+    axes.set(title='Velocity before the impact', xlabel='impact number', ylabel="s' [1]")
+    _count_axis(axes)
+
+
+def _draw_exponents(axes: Axes, stretches: list[Stretch]) -> None:
+    axes.axhline(0.0, color='black', linewidth=0.8)
+    for number, stretch in enumerate(stretches):
+        axes.plot(stretch.impacts, stretch.exponents, color=hue(number), linewidth=1.4,
+                  marker='o', markersize=2.5)
+    axes.set(title='Largest exponent per impact, over the last 1,000 impacts',
+             xlabel='impact number', ylabel='exponent [1]')
+    _count_axis(axes)
+
+
+def _draw_diagram(axes: Axes, stretches: list[Stretch]) -> None:
+    for number, stretch in enumerate(stretches):
+        impacts = _impacts(stretch.events)
+        impacts = impacts[impacts['velocity'] > 0.0]
+        _dots(axes, impacts['alpha'], impacts['velocity'], number)
+    axes.set(title='Velocity before impacts on the upper wall', xlabel='alpha [1]',
+             ylabel="s' [1]")
+
+
+def _draw_alpha(axes: Axes, stretches: list[Stretch]) -> None:
+    for number, stretch in enumerate(stretches):
+        events = _impacts(stretch.events)
+        axes.plot(events['cycle'], events['alpha'], color=hue(number), linewidth=2.0)
+    axes.set(title='Amplitude of the drive', xlabel='time [drive periods]', ylabel='alpha [1]')
+    _count_axis(axes)
+
+
+def _count_axis(axes: Axes) -> None:
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    axes.margins(x=0.01)
