@@ -141,12 +141,23 @@ VIEWER: Final = (
     Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535, read_only=True),
     Specification('colour', 'age', 'what colours the section: age or alpha', '', read_only=True),
 )
+TELEOP: Final = (
+    Specification('simulator', 'simulator', 'name of the node to steer, in any namespace', '',
+                  read_only=True),
+    Specification('coarse', 0.01, 'step of alpha by an arrow key', low=1e-12, high=10.0,
+                  read_only=True),
+    Specification('fine', 0.0005, 'step of alpha by an arrow key with shift', low=1e-12,
+                  high=10.0, read_only=True),
+    Specification('ramp_rate', 1e-5, 'change of alpha in a ramp, where none is typed in',
+                  '1 per drive period', 1e-12, 1.0, read_only=True),
+)
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'simulator': SIMULATOR,
     'lyapunov': LYAPUNOV,
     'transients': TRANSIENTS,
     'recorder': RECORDER,
     'replay': REPLAY,
+    'teleop': TELEOP,
     'viewer': VIEWER,
 }
 

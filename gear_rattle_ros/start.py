@@ -31,6 +31,7 @@ EXECUTABLES = {
     'simulator': 'nodes.simulator',
     'suite': 'nodes.suite',
     'summary': 'offline.summary',
+    'teleop': 'nodes.teleop',
     'transients': 'nodes.transients',
     'verify': 'offline.verify',
     'viewer': 'nodes.viewer',

@@ -22,8 +22,8 @@ from gear_rattle_ros.scenes import load_scenes, Number, Scene, START, Step
 
 COMMAND = 'python tools/scene_page.py'
 MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
-# More events than are ever asked for at once.
-MANY = 1 << 20
+# Events asked for at once.
+BATCH = 1024
 # Estimates of the exponents are taken so many impacts apart, as many as their window.
 WINDOW = 1000
 HEAD = f"""# Scenes
@@ -93,7 +93,9 @@ def _last(simulation: Simulation, step: Step, known: dict[str, Number]) -> Itera
     target, rate = step.ramps_to, float(known['alpha_rate'])
     while left > 0 or known['alpha'] != target is not None:
         periods = left if known['alpha'] == target or target is None else 1
-        yield simulation.advance(simulation.moment[0] + periods, 0.0, MANY)
+        end = (simulation.moment[0] + periods, 0.0)
+        while simulation.moment < end:
+            yield simulation.advance(*end, BATCH)
         left -= periods
         if target is not None and known['alpha'] != target:
             away = target - known['alpha']
@@ -132,8 +134,8 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
         steps = '\n'.join(f'| {n} | {_says(step, n == 1)} | {step.seconds:g} |'
                           for n, step in enumerate(scene.steps, 1))
         parts.append(
-            f'\n## {scene.title}\n\n{textwrap.fill(scene.text, 99)}\n\n![{scene.title}](scenes/{name}.png)\n'
-            f'\n    suite --scene {name}\n\nor key {number} of the keyboard; '
+            f'\n## {scene.title}\n\n{textwrap.fill(scene.text, 99)}\n\n'
+            f'![{scene.title}](scenes/{name}.png)\n\n    suite --scene {name}\n\nor key {number} of the keyboard; '
             f'{scene.seconds:g} s.\n\n| step | sets | seconds at least |\n|---|---|---|\n{steps}\n'
             '\nFound in each step:\n\n' + '\n'.join(found(stretches)) + '\n')
     return ''.join(parts)

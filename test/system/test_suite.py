@@ -175,3 +175,30 @@ def test_node_that_cannot_start_ends_the_suite(domain, tmp_path):
     assert process.returncode == 2
     assert 'alpha = -1.0 is outside [0, 1000]' in output
     assert not left_behind(tmp_path)
+
+
+@pytest.mark.long
+def test_scene_is_played_to_its_end(domain, tmp_path):
+    """Both steps are on the bag: each from its own start, onto its own attractor."""
+    process = suite('--scene', 'two-attractors', '--output', str(tmp_path / 'run'))
+    output = process.communicate(timeout=240)[0].decode()
+    assert process.returncode == 0, output
+    events = events_of(Bag(tmp_path / 'run' / 'bag'))
+    resets = np.flatnonzero(events['kind'] == EventKind.RESET)
+    assert list(events['velocity_after'][resets]) == [-0.5, -1.0]
+    assert (events['alpha'] == 0.48).all()
+    for stretch, impacts in zip(np.split(events, resets[1:]), (3, 2), strict=True):
+        detector = TransientDetector()
+        detector.update(stretch)
+        assert detector.report.period_impacts == impacts
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['--scene', 'chaos'], "suite: no scene 'chaos'; there are hysteresis, two-attractors"),
+    (['--scene', 'chaotic-b', '--then', '1'], 'suite: --then and --scene exclude each other')])
+def test_bad_scene_is_one_line_and_status_2(arguments, words):
+    """The answer has all names, or the remedy."""
+    process = suite(*arguments)
+    output = process.communicate(timeout=60)[0].decode()
+    assert process.returncode == 2
+    assert output.startswith(words) and len(output.splitlines()) == 1

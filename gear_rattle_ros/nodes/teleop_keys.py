@@ -1,0 +1,84 @@
+"""Keys of the keyboard control: bytes of a terminal to names, and a line that is typed in."""
+
+from collections.abc import Iterator
+
+# What terminals send for arrows, plain and with shift: xterm, its application mode, rxvt.
+_ARROWS = {b'A': 'up', b'B': 'down', b'C': 'right', b'D': 'left'}
+_SEQUENCES = {
+    **{b'\x1b[' + letter: name for letter, name in _ARROWS.items()},
+    **{b'\x1bO' + letter: name for letter, name in _ARROWS.items()},
+    **{b'\x1b[1;2' + letter: f'shift-{name}' for letter, name in _ARROWS.items()},
+    **{b'\x1b[' + letter.lower(): f'shift-{name}' for letter, name in _ARROWS.items()},
+    b'\r': 'enter', b'\n': 'enter', b'\x7f': 'backspace', b'\x08': 'backspace', b' ': 'space',
+}
+
+
+class Keys:
+    """Turns what comes from a terminal into names of keys; a sequence may come in pieces."""
+
+    def __init__(self) -> None:
+        self._held = b''
+
+    def take(self, data: bytes) -> Iterator[str]:
+        """Yield the keys in some bytes; printable ASCII is its own name, the rest is ignored."""
+        data = self._held + data
+        self._held = b''
+        while data:
+            length = _length(data)
+            if length == 0:
+                self._held = data
+                return
+            word, data = data[:length], data[length:]
+            if word in _SEQUENCES:
+                yield _SEQUENCES[word]
+            elif len(word) == 1 and 0x21 <= word[0] <= 0x7e:
+                yield word.decode()
+
+    def rest(self) -> Iterator[str]:
+        """Yield `escape` if that is what came last: nothing followed it."""
+        if self._held == b'\x1b':
+            yield 'escape'
+        self._held = b''
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether a sequence has begun."""
+        return bool(self._held)
+
+
+def _length(data: bytes) -> int:
+    """Return how many bytes the first key has; 0 where more have to come."""
+    if data[:1] != b'\x1b':
+        return 1
+    if len(data) == 1:
+        return 0
+    if data[1:2] == b'O':
+        return 3 if len(data) > 2 else 0
+    if data[1:2] != b'[':
+        return 1
+    for place, byte in enumerate(data[2:], 2):
+        if 0x40 <= byte <= 0x7e:
+            return place + 1
+    return 0
+
+
+class Entry:
+    """A line of numbers being typed in."""
+
+    def __init__(self, question: str) -> None:
+        self.question = question
+        self.text = ''
+
+    def take(self, key: str) -> str | None:
+        """Take a key; return the text at Enter, '' at Escape, None while it is open."""
+        if key == 'enter':
+            return self.text.strip()
+        if key == 'escape':
+            return ''
+        if key == 'backspace':
+            self.text = self.text[:-1]
+        elif key == 'space':
+            self.text += ' '
+        elif key in '0123456789.eE+-':
+            self.text += key
+        return None

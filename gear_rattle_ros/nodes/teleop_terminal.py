@@ -1,0 +1,94 @@
+"""A terminal that gives every key at once, and is left as it was found, whatever happens."""
+
+import contextlib
+import os
+import select
+import shutil
+import signal
+import sys
+import termios
+import tty
+from types import FrameType, TracebackType
+
+
+class Terminal:
+    """
+    Context in which stdin gives keys without Enter and without echo.
+
+    Ctrl-Z stops the program with the terminal as it was, and `fg` takes it up again. Whoever
+    uses it sees to SIGINT and SIGTERM; leaving the context restores everything.
+    """
+
+    def __init__(self) -> None:
+        self.was_continued = False
+        self._input = sys.stdin.fileno()
+        self._before = termios.tcgetattr(self._input)
+        self._handlers: dict[int, object] = {}
+        self._line = False
+
+    def __enter__(self) -> 'Terminal':
+        """Set the terminal."""
+        for number, handler in (
+                (signal.SIGTSTP, self._suspend), (signal.SIGCONT, self._continue)):
+            self._handlers[number] = signal.signal(number, handler)
+        self._set()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Leave the terminal as it was."""
+        self._restore()
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def read(self, within: float) -> bytes | None:
+        """Return what was typed within some time [s], b'' for nothing; None at the end of it."""
+        ready, _, _ = select.select([self._input], [], [], within)
+        if not ready:
+            return b''
+        try:
+            return os.read(self._input, 1024) or None
+        except OSError:
+            # The terminal was closed.
+            return None
+
+    def show(self, line: str) -> None:
+        """Replace the last line of the screen."""
+        width = shutil.get_terminal_size().columns - 1
+        self._write(f'\r\x1b[K{line[:width]}')
+        self._line = True
+
+    def print(self, text: str) -> None:
+        """Write lines that stay."""
+        self._write('\r\x1b[K' + text + '\n')
+        self._line = False
+
+    def _write(self, text: str) -> None:
+        # A terminal that is gone is noticed where it is read.
+        with contextlib.suppress(OSError):
+            sys.stdout.write(text)
+            sys.stdout.flush()
+
+    def _set(self) -> None:
+        # Signals of the keyboard stay as they are: Ctrl-C, Ctrl-Z.
+        tty.setcbreak(self._input, termios.TCSADRAIN)
+
+    def _restore(self) -> None:
+        with contextlib.suppress(termios.error):
+            termios.tcsetattr(self._input, termios.TCSADRAIN, self._before)
+        if self._line:
+            self._write('\n')
+            self._line = False
+
+    def _suspend(self, number: int, frame: FrameType | None) -> None:
+        self._restore()
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        # The process stands still in this call until it is continued.
+        os.kill(os.getpid(), signal.SIGTSTP)
+        signal.signal(signal.SIGTSTP, self._suspend)
+
+    def _continue(self, number: int, frame: FrameType | None) -> None:
+        # In the background the terminal is not ours: the system stops this call until it is.
+        with contextlib.suppress(termios.error):
+            self._set()
+        self.was_continued = True

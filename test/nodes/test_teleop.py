@@ -1,0 +1,266 @@
+"""The keyboard control on a real terminal, steering a real simulator."""
+
+from collections.abc import Callable, Iterator
+import contextlib
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+
+import pytest
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from gear_rattle_ros.nodes.teleop_keys import Entry, Keys
+from gear_rattle_ros.scenes import load_scenes
+
+UP, DOWN, SHIFT_UP, SHIFT_DOWN = b'\x1b[A', b'\x1b[B', b'\x1b[1;2A', b'\x1b[1;2B'
+# The leader of a session, as a shell is, with a job in the foreground of the terminal.
+LEADER = """
+import os, signal, sys
+job = os.fork()
+if job == 0:
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+    os.tcsetpgrp(0, os.getpid())
+    signal.signal(signal.SIGTTOU, signal.SIG_DFL)
+    os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+os.write(1, b'<job %d>' % job)
+while True:
+    _, status = os.waitpid(job, os.WUNTRACED)
+    if not os.WIFSTOPPED(status):
+        break
+    os.write(1, b'<stopped>')
+os.write(1, b'<status %d>' % os.waitstatus_to_exitcode(status))
+signal.pause()
+"""
+
+
+class Screen:
+    """A program on a terminal of its own."""
+
+    def __init__(self, arguments: list[str]) -> None:
+        """Start it; the settings of the terminal before it came are remembered."""
+        self.text = ''
+        self.process, self.terminal = pty.fork()
+        if self.process == 0:
+            os.execv(sys.executable, [sys.executable, '-c', LEADER, *arguments])
+        self.before = self.settings()
+        self.wait_for('<job ')
+        self.job = int(self.text.split('<job ')[1].split('>')[0])
+
+    def settings(self) -> list:
+        """Return what the terminal is set to."""
+        return termios.tcgetattr(self.terminal)
+
+    def press(self, keys: bytes) -> None:
+        """Type."""
+        os.write(self.terminal, keys)
+
+    def read(self, within: float) -> None:
+        """Take what is shown."""
+        if select.select([self.terminal], [], [], within)[0]:
+            self.text += os.read(self.terminal, 65536).decode(errors='replace')
+
+    def wait_for(self, words: str, within: float = 30.0) -> None:
+        """Wait until it has shown some words."""
+        deadline = time.monotonic() + within
+        while words not in self.text:
+            assert time.monotonic() < deadline, f'no {words!r} in {self.text!r}'
+            self.read(0.1)
+
+    def wait_for_next(self, words: str) -> None:
+        """Wait for words that it has not shown yet."""
+        self.text = ''
+        self.wait_for(words)
+
+    def close(self) -> None:
+        """End everything."""
+        os.kill(self.process, signal.SIGKILL)
+        os.waitpid(self.process, 0)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.job, signal.SIGKILL)
+        os.close(self.terminal)
+
+
+@pytest.fixture
+def teleop(domain: int) -> Iterator[Callable[..., Screen]]:
+    """Start the keyboard control on a terminal."""
+    screens: list[Screen] = []
+
+    def start_one(*arguments: str) -> Screen:
+        screens.append(Screen(['-m', 'gear_rattle_ros.start', 'teleop', *arguments]))
+        return screens[-1]
+
+    yield start_one
+    for screen in screens:
+        screen.close()
+
+
+def calls(node, spin, simulator: str):
+    """Return ways to read and set parameters of a simulator, not those of the keyboard control."""
+    getting = node.create_client(GetParameters, f'{simulator}/get_parameters')
+    setting = node.create_client(
+        SetParametersAtomically, f'{simulator}/set_parameters_atomically')
+
+    def get(*names: str) -> list[float]:
+        spin(getting.service_is_ready)
+        future = getting.call_async(GetParameters.Request(names=names))
+        spin(future.done)
+        return [value.double_value for value in future.result().values]
+
+    def put(**values: float) -> None:
+        spin(setting.service_is_ready)
+        future = setting.call_async(SetParametersAtomically.Request(parameters=[
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]))
+        spin(future.done)
+
+    return get, put
+
+
+def test_keys_of_xterm_and_rxvt_come_in_any_pieces() -> None:
+    """The sequences of the terminals' manuals, cut anywhere; others are skipped whole."""
+    data = UP + SHIFT_DOWN + b'\x1bOC' + b'\x1b[d' + b'\x1b[15~' + b'\x1b[1;5A' + b'q \r'
+    wanted = ['up', 'shift-down', 'right', 'shift-left', 'q', 'space', 'enter']
+    for cut in range(len(data) + 1):
+        keys = Keys()
+        found = [*keys.take(data[:cut]), *keys.take(data[cut:])]
+        assert found == wanted, cut
+    keys = Keys()
+    assert list(keys.take(b'\x1b')) == [] and list(keys.rest()) == ['escape']
+
+
+def test_typed_line_can_be_mended_and_given_up() -> None:
+    """Backspace takes the last one away, Escape everything."""
+    entry = Entry('')
+    assert [entry.take(key) for key in ('0', '.', '7', 'backspace', '6', 'x')] == [None] * 6
+    assert entry.take('enter') == '0.6'
+    assert Entry('').take('escape') == ''
+
+
+def test_steers_a_simulator_in_another_namespace(start, teleop, rclpy_node, spin) -> None:
+    """Arrows, pause, reset, ramp and scene reach the simulator that a parameter names."""
+    simulator = start('simulator', '--ros-args', '-r', '__ns:=/lab', '-p', 'rate:=200')
+    get, _ = calls(rclpy_node, spin, '/lab/simulator')
+    screen = teleop('--ros-args', '-p', 'simulator:=/lab/simulator')
+    screen.wait_for('/lab/simulator is here')
+    screen.press(UP + UP + SHIFT_DOWN)
+    spin(lambda: get('alpha') == [0.4995])
+    screen.wait_for('alpha 0.4995')
+    screen.press(b' ')
+    simulator.wait_for('paused')
+    screen.wait_for('paused')
+    screen.press(b' ')
+    simulator.wait_for('running')
+    screen.press(b'r')
+    simulator.wait_for('reset in drive period')
+    screen.press(b'a')
+    screen.wait_for('ramp alpha to')
+    screen.press(b'0.51 1e-3\r')
+    simulator.wait_for('the ramp has reached alpha = 0.51')
+    spin(lambda: get('alpha', 'alpha_rate') == [0.51, 0.0])
+    names = list(load_scenes())
+    screen.press(str(names.index('long-transient') + 1).encode())
+    scene = load_scenes()['long-transient'].steps[0].parameters
+    spin(lambda: get('alpha', 'initial_velocity', 'rate') == [
+        scene[name] for name in ('alpha', 'initial_velocity', 'rate')])
+    # The arrow takes over from the scene.
+    screen.wait_for_next('scene long-transient')
+    screen.press(DOWN)
+    spin(lambda: get('alpha') == [pytest.approx(scene['alpha'] - 0.01, abs=1e-12)])
+    screen.press(b'q')
+    screen.wait_for('<status 0>')
+    assert screen.settings() == screen.before
+
+
+@pytest.mark.long
+def test_plays_a_scene_step_by_step(start, teleop, rclpy_node, spin) -> None:
+    """A sweep goes on when its ramp has arrived, and says when it is over."""
+    simulator = start('simulator')
+    get, put = calls(rclpy_node, spin, '/simulator')
+    screen = teleop()
+    screen.wait_for('/simulator is here')
+    screen.press(str(list(load_scenes()).index('hysteresis') + 1).encode())
+    spin(lambda: get('alpha_target') == [0.6])
+    # What takes 13 s is done at once here.
+    put(rate=1e5)
+    simulator.wait_for('the ramp has reached alpha = 0.6')
+    simulator.wait_for('the ramp has reached alpha = 0.47')
+    screen.wait_for('scene hysteresis is over')
+
+
+@pytest.mark.long
+def test_refusal_is_shown_and_a_simulator_that_goes_is_noticed(start, teleop) -> None:
+    """The reason appears; without a simulator it waits, and takes up the next."""
+    screen = teleop()
+    screen.wait_for('no simulator at /simulator; waiting')
+    simulator = start('simulator')
+    screen.wait_for('/simulator is here')
+    screen.press(b'a')
+    screen.wait_for('ramp alpha to')
+    screen.press(b'2000\r')
+    screen.wait_for('refused: alpha_target = 2000.0 is outside [0, 1000]')
+    simulator.stop()
+    screen.wait_for('/simulator has gone; waiting')
+    screen.text = ''
+    start('simulator')
+    screen.wait_for('/simulator is here')
+
+
+@pytest.mark.parametrize('number', [
+    signal.SIGTERM, *(pytest.param(number, marks=pytest.mark.long)
+                      for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT))])
+def test_signals_restore_the_terminal(teleop, number) -> None:
+    """Whatever ends it, the terminal is as it was, and the status 0."""
+    screen = teleop()
+    screen.wait_for('waiting')
+    assert screen.settings() != screen.before
+    os.kill(screen.job, number)
+    screen.wait_for('<status 0>')
+    assert screen.settings() == screen.before
+
+
+def test_ctrl_z_gives_the_terminal_back_and_fg_takes_it_again(teleop) -> None:
+    """Stopped, the terminal is the shell's; continued, keys come at once again."""
+    screen = teleop()
+    screen.wait_for('waiting')
+    during = screen.settings()
+    for _ in range(2):
+        screen.press(b'\x1a')
+        screen.wait_for_next('<stopped>')
+        assert screen.settings() == screen.before
+        screen.text = ''
+        os.kill(screen.job, signal.SIGCONT)
+        screen.wait_for('waiting')
+        assert screen.settings() == during
+    screen.press(b'\x03')
+    screen.wait_for('<status 0>')
+    assert screen.settings() == screen.before
+
+
+def test_exception_restores_the_terminal(domain) -> None:
+    """An error that nobody foresaw is shown, on a terminal that works."""
+    screen = Screen(['-c', 'from gear_rattle_ros.nodes import teleop\n'
+                     'teleop.Teleop.line = lambda self: 1 / 0\nteleop.main()'])
+    try:
+        screen.wait_for('<status 1>')
+        assert 'ZeroDivisionError' in screen.text
+        assert screen.settings() == screen.before
+    finally:
+        screen.close()
+
+
+def test_without_a_terminal_it_says_so(domain) -> None:
+    """One line and status 2."""
+    done = subprocess.run(
+        [sys.executable, '-m', 'gear_rattle_ros.start', 'teleop'], stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        'teleop: stdin and stdout are no terminal; start it in one, not in a pipe or a launch '
+        'file']
