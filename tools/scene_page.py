@@ -135,8 +135,9 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
                           for n, step in enumerate(scene.steps, 1))
         parts.append(
             f'\n## {scene.title}\n\n{textwrap.fill(scene.text, 99)}\n\n'
-            f'![{scene.title}](scenes/{name}.png)\n\n    suite --scene {name}\n\nor key {number} of the keyboard; '
-            f'{scene.seconds:g} s.\n\n| step | sets | seconds at least |\n|---|---|---|\n{steps}\n'
+            f'![{scene.title}](scenes/{name}.png)\n\n    suite --scene {name}\n\n'
+            f'or key {number} of the keyboard; {scene.seconds:g} s.\n\n'
+            f'| step | sets | seconds at least |\n|---|---|---|\n{steps}\n'
             '\nFound in each step:\n\n' + '\n'.join(found(stretches)) + '\n')
     return ''.join(parts)
 

@@ -100,11 +100,11 @@ class Teleop:
         """Take answers, and go on with a scene."""
         now = time.monotonic()
         self.link.tick(now)
-        if not self.link.is_busy:
+        if not self.link.has_asked:
             self._aim = None
         if not self.link.is_here:
             self._performance = self._entry = None
-        elif self._performance is not None and not self.link.is_busy:
+        elif self._performance is not None and not self.link.has_asked:
             self._play()
         if not self.link.paused:
             self._played += now - self._before

@@ -59,6 +59,12 @@ class Link:
         """Tell whether an answer is awaited."""
         return self._asked is not None or bool(self._waiting)
 
+    @property
+    def has_asked(self) -> bool:
+        """Tell whether something is still to be set or called; looking does not count."""
+        looks = self._asked is None or self._asked[0].client is self._get
+        return bool(self._waiting) or not looks
+
     def put(self, values: Mapping[str, float], words: str = '') -> None:
         """Set parameters, all or none."""
         message = SetParametersAtomically.Request(parameters=[
@@ -96,6 +102,7 @@ class Link:
             request, future, since = self._asked
             if future.done():
                 self._asked = None
+                self._looked = now
                 self.words = request.take(future.result()) or self.words
             elif now > since + ANSWER_WITHIN:
                 request.client.remove_pending_request(future)
@@ -109,7 +116,6 @@ class Link:
         if self._waiting:
             self._ask(self._waiting.popleft(), now)
         elif now > self._looked + LOOK_EVERY:
-            self._looked = now
             self._ask(Request(self._get, GetParameters.Request(names=SHOWN), self._take), now)
 
     def _ask(self, request: Request, now: float) -> None:
