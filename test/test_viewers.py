@@ -3,7 +3,6 @@
 from collections.abc import Callable
 import json
 import math
-from pathlib import Path
 import re
 from xml.etree import ElementTree
 

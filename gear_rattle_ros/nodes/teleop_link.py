@@ -18,7 +18,9 @@ SHOWN: Final = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitu
                 'rate')
 # How often the parameters are looked at, and how long an answer may take [s].
 LOOK_EVERY: Final = 0.25
-ANSWER_WITHIN: Final = 3.0
+ANSWER_WITHIN: Final = 6.0
+# A service that has just been discovered may not know yet where to send its answer: ask again.
+AGAIN: Final = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +48,9 @@ class Link:
         self.name = node.resolve_service_name(f'{simulator}/get_parameters').removesuffix(
             '/get_parameters')
         self._waiting: deque[Request] = deque()
-        self._asked: tuple[Request, Future, float] | None = None
+        self._asked: Request | None = None
+        self._answers: list[Future] = []
+        self._since = 0.0
         self._looked = -math.inf
 
     @property
@@ -62,7 +66,7 @@ class Link:
     @property
     def has_asked(self) -> bool:
         """Tell whether something is still to be set or called; looking does not count."""
-        looks = self._asked is None or self._asked[0].client is self._get
+        looks = self._asked is None or self._asked.client is self._get
         return bool(self._waiting) or not looks
 
     def put(self, values: Mapping[str, float], words: str = '') -> None:
@@ -98,17 +102,8 @@ class Link:
 
     def tick(self, now: float) -> None:
         """Take an answer, ask what is next, or look at the parameters [now in s]."""
-        if self._asked is not None:
-            request, future, since = self._asked
-            if future.done():
-                self._asked = None
-                self._looked = now
-                self.words = request.take(future.result()) or self.words
-            elif now > since + ANSWER_WITHIN:
-                request.client.remove_pending_request(future)
-                self._lose(f'{self.name} does not answer')
-            else:
-                return
+        if self._asked is not None and not self._answered(now):
+            return
         if not self._get.service_is_ready():
             if self.is_here:
                 self._lose(f'{self.name} has gone')
@@ -119,7 +114,28 @@ class Link:
             self._ask(Request(self._get, GetParameters.Request(names=SHOWN), self._take), now)
 
     def _ask(self, request: Request, now: float) -> None:
-        self._asked = (request, request.client.call_async(request.message), now)
+        self._asked, self._since = request, now
+        self._answers = [request.client.call_async(request.message)]
+
+    def _answered(self, now: float) -> bool:
+        """Take the answer that is awaited, or ask again, or give the simulator up."""
+        request = self._asked
+        assert request is not None
+        done = [future for future in self._answers if future.done()]
+        is_there = self._get.service_is_ready()
+        if not done and is_there and now < self._since + ANSWER_WITHIN:
+            if now > self._since + AGAIN * len(self._answers):
+                self._answers.append(request.client.call_async(request.message))
+            return False
+        for future in self._answers:
+            request.client.remove_pending_request(future)
+        self._asked = None
+        if done:
+            self._looked = now
+            self.words = request.take(done[0].result()) or self.words
+        else:
+            self._lose(f'{self.name} ' + ('does not answer' if is_there else 'has gone'))
+        return True
 
     def _take(self, answer: GetParameters.Response) -> str:
         if [value.type for value in answer.values] != [ParameterType.PARAMETER_DOUBLE] * len(
@@ -133,4 +149,3 @@ class Link:
     def _lose(self, words: str) -> None:
         self.values, self.words, self.paused = {}, words, False
         self._waiting.clear()
-        self._asked = None
