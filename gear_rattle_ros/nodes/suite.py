@@ -41,6 +41,8 @@ STORY = (0.57, 1.244)
 START_WITHIN = 180.0
 REFRESH = 0.25
 SUMMARY_WITHIN = 60.0
+# What the recorder has acknowledged must reach the disk; at full rate that may be much [s].
+WRITTEN_WITHIN = 30.0
 # Everything slow is loaded while the nodes run; a line says that the bag is closed.
 SUMMARISE = (
     'import sys; from gear_rattle_ros.offline.summary import main, prepare; prepare(); '
@@ -180,9 +182,15 @@ class Suite:
         self._processes.stop(['simulator'], within=1.0)
         # What is under way arrives; the analysis nodes say their last word to the recorder.
         self._processes.stop(['lyapunov', 'transients'], within=1.0)
-        self._processes.stop(['recorder', 'viewer'], within=2.0)
+        self._processes.stop(['recorder', 'viewer'], within=WRITTEN_WITHIN)
         if self._summary is not None:
-            self._summary.communicate(b'\n', timeout=SUMMARY_WITHIN)
+            try:
+                self._summary.communicate(b'\n', timeout=SUMMARY_WITHIN)
+            except subprocess.TimeoutExpired:
+                # A large bag takes its time: it can be summed up later.
+                self._summary.kill()
+                self._summary.wait()
+                print(f'summary  {_command("summary")} {_quoted(self._folder / "bag")}')
 
     def _watch(self, monitor: Monitor) -> None:
         options, status = self._options, self._status
