@@ -1,6 +1,8 @@
 """Whether a stream of events is whole: holes by index and epoch, and restarts."""
 
+from collections import deque
 import dataclasses
+from typing import Final
 
 import numpy as np
 
@@ -8,6 +10,49 @@ from .compiled import kernel
 from .model import EventArray, EventKind
 
 STICK, RETUNE = int(EventKind.STICK), int(EventKind.RETUNE)
+# Holes that are kept one by one; all of them are counted.
+LATEST_HOLES: Final = 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class Hole:
+    """
+    Records that were never seen.
+
+    Attributes
+    ----------
+    after : tuple of int
+        Index and epoch of the last record before it.
+    before : tuple of int
+        Index and epoch of the first record behind it.
+    lost : int
+        Impacts missing; 0 where only retunes, resets or releases are.
+
+    """
+
+    after: tuple[int, int]
+    before: tuple[int, int]
+    lost: int
+
+    def describe(self) -> str:
+        """
+        Say what is missing.
+
+        Returns
+        -------
+        str
+            Numbers of the impacts, modulo 2^32, and the epochs they belong to.
+
+        """
+        epochs = f'epoch {self.after[1]}'
+        if self.before[1] != self.after[1]:
+            epochs = f'epochs {self.after[1]} to {self.before[1]}'
+        first, last = (self.after[0] + 1) % 2**32, (self.after[0] + self.lost) % 2**32
+        if self.lost == 0:
+            return f'no impact, but another record after impact {self.after[0]} ({epochs})'
+        if self.lost == 1:
+            return f'impact {first} ({epochs})'
+        return f'{self.lost} impacts, {first} to {last} ({epochs})'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,10 +125,13 @@ class StreamGuard:
         Times the numbering began anew.
     first_index : int or None
         Number of the last impact in or before the first record seen.
+    holes : deque of Hole
+        The latest holes.
 
     """
 
     def __init__(self) -> None:
+        self.holes: deque[Hole] = deque(maxlen=LATEST_HOLES)
         self.first_index: int | None = None
         self.lost = 0
         self.gaps = 0
@@ -108,12 +156,12 @@ class StreamGuard:
         if not len(events):
             return []
         is_first = self._last is None
-        if self._last is None:
+        if is_first:
             self.first_index = int(events['index'][0])
-            self._last = events[:1]
+        last = events[:1] if self._last is None else self._last
         jumps = np.empty(len(events), np.int32)
         follows = np.empty(len(events), np.bool_)
-        compare(self._last, events, jumps, follows)
+        compare(last, events, jumps, follows)
         follows[0] &= not is_first
         pieces = []
         cuts = [0, *(int(i) for i in np.flatnonzero(~follows) if i > 0), len(events)]
@@ -124,15 +172,20 @@ class StreamGuard:
             elif is_first and start == 0:
                 pieces.append(Piece(piece, False, 0, 'start'))
             else:
-                pieces.append(self._hole(piece, int(jumps[start])))
+                before = events[start - 1:start] if start else last
+                pieces.append(self._hole(before, piece, int(jumps[start])))
         self._last = events[-1:].copy()
         return pieces
 
-    def _hole(self, piece: EventArray, jump: int) -> Piece:
-        is_new = piece['kind'][0] == EventKind.RESET and piece['index'][0] == 0
-        if jump < 0 or is_new:
+    def _hole(self, before: EventArray, piece: EventArray, jump: int) -> Piece:
+        after = (int(before['index'][0]), int(before['epoch'][0]))
+        first = (int(piece['index'][0]), int(piece['epoch'][0]))
+        is_new = piece['kind'][0] == EventKind.RESET and first[0] == 0
+        # Within one run neither the impacts nor the epochs are counted backwards.
+        if jump < 0 or (first[1] - after[1]) % 2**32 >= 2**31 or is_new:
             self.restarts += 1
             return Piece(piece, False, 0, 'restart')
         self.gaps += 1
         self.lost += jump
+        self.holes.append(Hole(after, first, jump))
         return Piece(piece, False, jump, 'gap')

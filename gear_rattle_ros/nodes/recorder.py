@@ -16,7 +16,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from .recording import Received, Recording
-from .shell import run_node, ShellNode, StartError
+from .shell import HoleLog, run_node, ShellNode, StartError
 from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ..parameters import RECORDER
 from ..qos import STREAM_INPUT
@@ -119,6 +119,7 @@ class Recorder(ShellNode):
         writer = self._make_writer()
         self._directory = writer.directory
         self._recording = Recording(writer, self._sources[0].name)
+        self._holes = HoleLog(self, self._recording.guard, 'they are not in the bag')
         self.create_timer(0.2, self._watch)
         self.get_logger().info(f'recording into {self._directory}')
 
@@ -133,8 +134,7 @@ class Recorder(ShellNode):
         values = {
             'messages': recording.messages,
             'impacts': recording.impacts,
-            'lost_impacts': recording.impacts_lost,
-            'gaps': recording.gaps,
+            **self._holes.counts(),
             'messages_lost': self._lost(),
             'bytes': recording.size,
             'backlog_bytes': recording.backlog,
@@ -143,9 +143,10 @@ class Recorder(ShellNode):
         }
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
-        if recording.impacts_lost or recording.gaps or self._lost():
+        level, message = self._holes.status()
+        if level == 'ok' and self._lost():
             return 'warn', 'something was lost before it came here', values
-        return 'ok', 'recording', values
+        return level, message if level != 'ok' else 'recording', values
 
     def close(self) -> None:
         """Write what has arrived, end the bag and say what is in it."""
@@ -161,7 +162,7 @@ class Recorder(ShellNode):
         lost = f', {self._lost()} messages lost on the way' if self._lost() else ''
         odd = f', {recording.unreadable} batches unreadable' if recording.unreadable else ''
         print(f'recorded {recording.impacts} impacts in {recording.messages} messages, '
-              f'{recording.impacts_lost} lost ({recording.gaps} gaps){lost}{odd}, '
+              f'{recording.guard.lost} lost ({recording.guard.gaps} gaps){lost}{odd}, '
               f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
 
     def _lost(self) -> int:
@@ -185,6 +186,7 @@ class Recorder(ShellNode):
             info.get('publication_sequence_number') or 0))
 
     def _watch(self) -> None:
+        self._holes.speak()
         if self._recording.failure and not self._is_failure_told:
             self._is_failure_told = True
             self.get_logger().error(

@@ -49,7 +49,7 @@ class Recording:
         self.messages = 0
         self.failure = ''
         self.unreadable = 0
-        self._guard = StreamGuard()
+        self.guard = StreamGuard()
         # Compiled now, not while the first batch waits.
         StreamGuard().split(np.zeros(2, _KEYS))
         self._decoder = CloudDecoder()
@@ -67,16 +67,6 @@ class Recording:
         self._syncing = threading.Thread(target=self._sync, name='syncing', daemon=True)
         self._syncing.start()
         self._thread.start()
-
-    @property
-    def impacts_lost(self) -> int:
-        """Impacts that never came."""
-        return self._guard.lost
-
-    @property
-    def gaps(self) -> int:
-        """Holes in the stream of impacts."""
-        return self._guard.gaps
 
     @property
     def size(self) -> int:
@@ -190,5 +180,5 @@ class Recording:
         except ValueError:
             self.unreadable += 1
             return
-        self._guard.split(records)
+        self.guard.split(records)
         self.impacts += impact_count(records)

@@ -26,6 +26,8 @@ from ..qos import STREAM_INPUT
 STOP_SEEN_WITHIN = 0.1
 # A node that ends takes in what has arrived, for so long at the most [s].
 DRAIN_WITHIN = 0.5
+# Holes named in one line of the log; the others are counted in it.
+SAID_AT_ONCE = 20
 
 
 class StartError(Exception):
@@ -114,33 +116,40 @@ class EventInput:
 
 
 class HoleLog:
-    """Says once what a guard has found: where a reader comes in, and every hole."""
+    """Says what a guard has found: where a reader comes in, and every hole by its numbers."""
 
     def __init__(self, node: Node, guard: StreamGuard, consequence: str) -> None:
         self._node = node
         self._guard = guard
         self._consequence = consequence
-        self._said = (0, 0, 0)
+        self._said = (0, 0)
         self._joined = False
 
     def speak(self) -> None:
         """Log what is new."""
         guard = self._guard
-        now = (guard.gaps, guard.lost, guard.restarts)
-        if not self._joined:
+        # Both are only ever counted up, by another thread in the recorder.
+        gaps, restarts = guard.gaps, guard.restarts
+        if not self._joined and guard.first_index is not None:
             self._joined = True
             self._node.get_logger().info(f'the stream is here at impact {guard.first_index}')
-        if now == self._said:
-            return
-        if guard.gaps != self._said[0]:
-            self._node.get_logger().warning(
-                f'{guard.lost - self._said[1]} impacts were lost; {self._consequence}')
-        if guard.restarts != self._said[2]:
+        fresh = gaps - self._said[0]
+        if fresh:
+            latest = list(guard.holes)[-fresh:]
+            words = '; '.join(hole.describe() for hole in latest[:SAID_AT_ONCE])
+            rest = fresh - min(len(latest), SAID_AT_ONCE)
+            more = f'; and {rest} more gaps' if rest else ''
+            self._node.get_logger().warning(f'lost: {words}{more}; {self._consequence}')
+        if restarts != self._said[1]:
             self._node.get_logger().info(f'the stream has begun anew; {self._consequence}')
-        self._said = now
+        self._said = (gaps, restarts)
 
     def status(self) -> tuple[str, str]:
         """Return level and message for the diagnostics."""
+        publishers = self._node.count_publishers(
+            self._node.resolve_topic_name('impacts'))
+        if publishers > 1:
+            return 'warn', f'{publishers} publishers on impacts: their streams are mixed'
         if not self._joined:
             return 'ok', 'no impacts yet'
         if self._guard.gaps:
@@ -149,10 +158,12 @@ class HoleLog:
 
     def counts(self) -> dict[str, object]:
         """Return what was lost, for the diagnostics."""
+        guard = self._guard
         return {
-            'gaps': self._guard.gaps,
-            'lost_impacts': self._guard.lost,
-            'restarts': self._guard.restarts,
+            'gaps': guard.gaps,
+            'lost_impacts': guard.lost,
+            'restarts': guard.restarts,
+            **({'last_hole': guard.holes[-1].describe()} if guard.holes else {}),
         }
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
-from gear_rattle_ros.core.stream import Piece, StreamGuard
+from gear_rattle_ros.core.stream import Hole, Piece, StreamGuard
 
 
 def stream(first: int = 0) -> EventArray:
@@ -57,6 +57,15 @@ def test_lost_impacts_are_counted(keep: list[bool], cuts: list[int], first: int)
     assert guard.lost == sum(piece.lost for piece in pieces)
     assert guard.gaps == reasons(pieces).count('gap')
     assert guard.restarts == 0
+    # The holes name exactly the impacts that are missing, each one once, and their epochs.
+    named = [(hole.after[0] + number) % 2**32
+             for hole in guard.holes for number in range(1, hole.lost + 1)]
+    hits = events['kind'] <= EventKind.STICK
+    assert named == events['index'][:last + 1][(hits & ~mask)[:last + 1]].tolist()
+    for hole in guard.holes:
+        ahead = (events['index'].astype(np.int64) - hole.after[0] - 1) % 2**32
+        inside = events[hits & (ahead < hole.lost)]
+        assert ((hole.after[1] <= inside['epoch']) & (inside['epoch'] <= hole.before[1])).all()
     # Every piece is whole: its impacts are numbered one after the other.
     for piece in pieces:
         counted = (piece.events['kind'][1:] <= EventKind.STICK).astype(np.uint32)
@@ -118,3 +127,21 @@ def test_an_empty_batch_is_nothing() -> None:
     guard = StreamGuard()
     assert guard.split(stream()[:0]) == []
     assert reasons(guard.split(stream()[:3])) == ['start']
+
+
+def test_a_hole_says_what_is_missing() -> None:
+    """By index and epoch, also where the numbers wrap and where no impact is missing."""
+    assert Hole((9, 1), (30, 1), 20).describe() == '20 impacts, 10 to 29 (epoch 1)'
+    assert Hole((2**32 - 2, 0), (1, 2), 2).describe() == (
+        '2 impacts, 4294967295 to 0 (epochs 0 to 2)')
+    assert Hole((4, 0), (6, 0), 1).describe() == 'impact 5 (epoch 0)'
+    assert Hole((4, 0), (4, 2), 0).describe() == (
+        'no impact, but another record after impact 4 (epochs 0 to 2)')
+
+
+def test_an_epoch_that_goes_back_is_another_run() -> None:
+    """A higher index does not make its impacts the ones that are missing."""
+    events, guard = stream(), StreamGuard()
+    guard.split(events[:250])
+    assert reasons(guard.split(stream(1000)[1:100])) == ['restart']
+    assert (guard.lost, guard.restarts) == (0, 1)

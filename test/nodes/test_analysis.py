@@ -114,8 +114,11 @@ def test_hole_is_counted_and_nothing_is_computed_across_it(bench, events, name):
     node = bench(name)
     node.send(events[:2000])
     node.send(events[2345:4000])
-    node.process.wait_for('345 impacts were lost')
-    node.spin(lambda: any(health.get('lost_impacts') == '345' for health in node.health))
+    node.process.wait_for('lost: 345 impacts, 2000 to 2344 (epoch 0)')
+    node.spin(lambda: any(
+        health.get('lost_impacts') == '345'
+        and health.get('last_hole') == '345 impacts, 2000 to 2344 (epoch 0)'
+        for health in node.health))
     if name == 'lyapunov':
         node.spin(lambda: node.said[-1]['index'] == 3999)
         assert same(node.said[-1], expected(events[2345:4000]))
