@@ -66,11 +66,15 @@ def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bo
     Raises
     ------
     ValueError
-        If a field is missing or of another type, or the data is too short.
+        If a field is missing, there twice or of another type, or the data is too short.
 
     """
     formats = {code: kind for kind, code in _DATATYPES.items()}
-    found = {name: (offset, datatype, number) for name, offset, datatype, number in fields}
+    found: dict[str, tuple[int, int, int]] = {}
+    for name, *place in fields:
+        if name in found and name in names:
+            raise ValueError(f'cloud has field {name!r} more than once')
+        found[name] = (place[0], place[1], place[2])
     if data.nbytes < count * step:
         raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
     offsets = []
@@ -164,3 +168,9 @@ def check_events(events: EventArray) -> None:
         if not good.all():
             bad = int(np.argmin(good))
             raise ValueError(f'event {bad} of the batch has {name} = {column[bad].item()!r}')
+    place = events['displacement']
+    off = (events['kind'] <= EventKind.RELEASE) & (place != 0.0) & (place != -1.0)
+    if off.any():
+        bad = int(np.argmax(off))
+        raise ValueError(f'event {bad} of the batch is on a wall with displacement = '
+                         f'{place[bad].item()!r}')

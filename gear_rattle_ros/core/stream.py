@@ -10,6 +10,8 @@ from .compiled import kernel
 from .model import EventArray, EventKind
 
 STICK, RETUNE = int(EventKind.STICK), int(EventKind.RETUNE)
+# The fields by which a stream is judged.
+GUARDED: Final = ('kind', 'index', 'epoch', 'cycle', 'phase')
 # Holes that are kept one by one; all of them are counted.
 LATEST_HOLES: Final = 1000
 
@@ -88,7 +90,7 @@ def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
     Parameters
     ----------
     last : ndarray of EVENT, shape (1,)
-        The record before the first; kind, index and epoch are enough.
+        The record before the first; the fields of `GUARDED` are enough.
     events : ndarray of EVENT, shape (n,)
         The records.
     jumps : ndarray of int32, shape (n,)
@@ -98,17 +100,20 @@ def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
 
     """
     p = last[0]
-    kind, index, epoch = p.kind, p.index, p.epoch
+    kind, index, epoch, cycle, phase = p.kind, p.index, p.epoch, p.cycle, p.phase
     for i in range(len(events)):
         event = events[i]
         counted = 1 if event.kind <= STICK else 0
         begins = 1 if event.kind >= RETUNE else 0
         jumps[i] = np.int32(np.uint32(event.index - index - counted))
+        passed = np.int32(np.uint32(event.cycle - cycle))
+        goes_back = passed < 0 or (passed == 0 and event.phase < phase)
         # A mass that sticks hits nothing before it is released.
         follows[i] = (
             jumps[i] == 0 and np.uint32(event.epoch - epoch - begins) == 0
-            and not (kind == STICK and counted == 1))
-        kind, index, epoch = event.kind, event.index, event.epoch
+            and not goes_back and not (kind == STICK and counted == 1))
+        kind, index, epoch, cycle, phase = (
+            event.kind, event.index, event.epoch, event.cycle, event.phase)
 
 
 class StreamGuard:
@@ -180,9 +185,11 @@ class StreamGuard:
     def _hole(self, before: EventArray, piece: EventArray, jump: int) -> Piece:
         after = (int(before['index'][0]), int(before['epoch'][0]))
         first = (int(piece['index'][0]), int(piece['epoch'][0]))
+        passed = (int(piece['cycle'][0]) - int(before['cycle'][0]) + 2**31) % 2**32 - 2**31
+        is_earlier = (passed, piece['phase'][0]) < (0, before['phase'][0])
         is_new = piece['kind'][0] == EventKind.RESET and first[0] == 0
-        # Within one run neither the impacts nor the epochs are counted backwards.
-        if jump < 0 or (first[1] - after[1]) % 2**32 >= 2**31 or is_new:
+        # Within one run neither impacts nor epochs nor time go backwards.
+        if jump < 0 or (first[1] - after[1]) % 2**32 >= 2**31 or is_earlier or is_new:
             self.restarts += 1
             return Piece(piece, False, 0, 'restart')
         self.gaps += 1

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bags import BagError, BagWriter, CloudDecoder, Topic
 from ..core.model import EVENT, impact_count
-from ..core.stream import StreamGuard
+from ..core.stream import GUARDED, StreamGuard
 
 # Bytes that may wait for the disk; then the reader of the topics waits, and DDS holds up the
 # publishers, so that nothing is lost.
@@ -22,7 +22,7 @@ _SYNC_PERIOD: Final = 0.4
 _METADATA_PERIOD: Final = 2.0
 
 # The fields of an event that tell whether the stream is whole.
-_KEYS: Final = np.dtype([(name, EVENT[name]) for name in ('kind', 'index', 'epoch')])
+_KEYS: Final = np.dtype([(name, EVENT[name]) for name in GUARDED])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,6 +28,7 @@ STOP_SEEN_WITHIN = 0.1
 DRAIN_WITHIN = 0.5
 # Holes named in one line of the log; the others are counted in it.
 SAID_AT_ONCE = 20
+STREAM_TYPE = 'sensor_msgs/msg/PointCloud2'
 
 
 class StartError(Exception):
@@ -146,10 +147,14 @@ class HoleLog:
 
     def status(self) -> tuple[str, str]:
         """Return level and message for the diagnostics."""
-        publishers = self._node.count_publishers(
+        publishers = self._node.get_publishers_info_by_topic(
             self._node.resolve_topic_name('impacts'))
-        if publishers > 1:
-            return 'warn', f'{publishers} publishers on impacts: their streams are mixed'
+        for publisher in publishers:
+            if publisher.topic_type != STREAM_TYPE:
+                return 'warn', (f'{publisher.node_name} publishes impacts as '
+                                f'{publisher.topic_type}, not {STREAM_TYPE}')
+        if len(publishers) > 1:
+            return 'warn', f'{len(publishers)} publishers on impacts: their streams are mixed'
         if not self._joined:
             return 'ok', 'no impacts yet'
         if self._guard.gaps:
