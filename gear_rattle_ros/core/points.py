@@ -82,7 +82,8 @@ def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bo
         if name not in found:
             raise ValueError(f'cloud has no field {name!r}')
         offset, datatype, number = found[name]
-        if formats.get(datatype) != EVENT[name] or number != 1:
+        # To numpy None is float64 too: an unknown datatype must not pass for it.
+        if datatype not in formats or formats[datatype] != EVENT[name] or number != 1:
             raise ValueError(
                 f'cloud field {name!r} has datatype {datatype} and count {number}, '
                 f'not {_DATATYPES[EVENT[name]]} and 1')

@@ -32,7 +32,7 @@ class Lyapunov(ShellNode):
         self._holes = HoleLog(self, self._running.guard, 'a new average begins')
         self._publisher = self.create_publisher(JointState, 'lyapunov', STREAM)
         self._input = EventInput(self, self._take)
-        self.create_timer(1.0 / self.number('publish_rate'), self._publish)
+        self.every(1.0 / self.number('publish_rate'), self._publish)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:

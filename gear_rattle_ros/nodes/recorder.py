@@ -120,7 +120,7 @@ class Recorder(ShellNode):
         self._directory = writer.directory
         self._recording = Recording(writer, self._sources[0].name)
         self._holes = HoleLog(self, self._recording.guard, 'they are not in the bag')
-        self.create_timer(0.2, self._watch)
+        self.every(0.2, self._watch)
         self.get_logger().info(f'recording into {self._directory}')
 
     @property

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from ..bags import BagError, BagWriter, CloudDecoder, Topic
-from ..core.model import EVENT, impact_count
+from ..core.model import EVENT, EventKind, impact_count
 from ..core.stream import GUARDED, StreamGuard
 
 # Bytes that may wait for the disk; then the reader of the topics waits, and DDS holds up the
@@ -177,6 +177,8 @@ class Recording:
     def _count(self, data: bytes) -> None:
         try:
             records = self._decoder.columns(data, _KEYS.names or ())
+            if len(records) and records['kind'].max() > max(EventKind):
+                raise ValueError('an event of no known kind')
         except ValueError:
             self.unreadable += 1
             return

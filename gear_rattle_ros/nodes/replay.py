@@ -11,6 +11,7 @@ from typing import Any, Final
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
+from .arguments import split_arguments
 from .playing import Output, Playing, Span, WINDOW
 from .shell import run_node, ShellNode, StartError
 from ..bags import Bag, BagError, Topic
@@ -44,7 +45,7 @@ class Replay(ShellNode):
                                       'its complete chunks are played')
         self._playing = Playing(
             self._bag, outputs, self._span, self._tick if self._clock_output else None)
-        self.create_timer(0.05, self._watch)
+        self.every(0.05, self._watch)
 
     @property
     def has_failed(self) -> bool:
@@ -140,15 +141,8 @@ def _offered(profiles: Sequence[Mapping[str, Any]]) -> QoSProfile:
 
 
 def ros_arguments(arguments: Sequence[str]) -> list[str]:
-    """Return arguments with the plain ones among them said once more as ROS parameters."""
-    plain, is_ros = [], False
-    for argument in arguments:
-        if argument == '--ros-args':
-            is_ros = True
-        elif is_ros and argument == '--':
-            is_ros = False
-        elif not is_ros:
-            plain.append(argument)
+    """Return the ROS arguments, with the plain ones said as ROS parameters."""
+    plain, ros = split_arguments(arguments)
     texts = {table.name: table.description for table in REPLAY}
     parser = argparse.ArgumentParser(prog='replay', description='Publish a bag again.')
     parser.add_argument('bag', nargs='?', help=texts['bag'])
@@ -163,8 +157,8 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     # JSON is the YAML that ROS reads, and keeps a bag called 2026 a text.
     settings = [f'{name}:={json.dumps(value, ensure_ascii=False)}'
                 for name, value in given.items() if value is not None]
-    ros = [part for setting in settings for part in ('-p', setting)]
-    return [*arguments, '--ros-args', *ros] if ros else list(arguments)
+    own = [part for setting in settings for part in ('-p', setting)]
+    return [*ros, '--ros-args', *own] if own else ros
 
 
 def main(arguments: list[str] | None = None) -> int:

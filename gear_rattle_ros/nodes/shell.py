@@ -9,13 +9,17 @@ from types import FrameType
 
 from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import PointCloud2
 
+from .arguments import misspelt_sections, refuse_plain, split_arguments
+from .services import harden
 from ..core.model import EventArray
 from ..core.stream import StreamGuard
 from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
@@ -40,10 +44,16 @@ class ShellNode(Node, abc.ABC):
 
     def __init__(self, name: str, table: Sequence[Specification]) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        harden(self)
         self.values = declare(self, table)
         self.is_finished = False
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(1.0, self._publish_diagnostics)
+        self.every(1.0, self._publish_diagnostics)
+
+    def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
+        """Call back at intervals of wall time: with use_sim_time, too, nothing stands still."""
+        return self.create_timer(seconds, callback, clock=self._steady)
 
     def number(self, name: str) -> float:
         """Return the start value of a numeric parameter."""
@@ -189,13 +199,20 @@ class Stop:
 
 def run_node(name: str, make: Callable[[], ShellNode], arguments: list[str] | None) -> int:
     """Spin a node until it is told to stop; exit status 0, or 2 where it cannot start."""
+    plain, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
     # rclpy's own handlers would invalidate the context under a callback that publishes.
     stop = Stop()
     node = None
     try:
         try:
-            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+            refuse_plain(name, plain)
+            rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+            for line in misspelt_sections(name, ros):
+                print(f'{name}: {line}', file=sys.stderr, flush=True)
             node = make()
+        except UnknownROSArgsError as error:
+            print(f'{name}: ROS does not know the arguments {error}', file=sys.stderr)
+            return 2
         except (StartError, ValueError, RCLError) as error:
             print(f'{name}: {str(error).splitlines()[0]}', file=sys.stderr)
             return 2

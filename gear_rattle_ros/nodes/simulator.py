@@ -74,8 +74,8 @@ class Simulator(ShellNode):
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetBool, '~/pause', self._pause)
         if self.number('display_rate') > 0.0:
-            self.create_timer(1.0 / self.number('display_rate'), self._publish_joints)
-        self._timer = self.create_timer(self._period(), self._tick)
+            self.every(1.0 / self.number('display_rate'), self._publish_joints)
+        self._timer = self.every(self._period(), self._tick)
         self.get_logger().info(
             f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
 

@@ -54,7 +54,7 @@ class Monitor(Node):
     """Listens to what the nodes say and keeps the status up to date."""
 
     def __init__(self, status: Status) -> None:
-        super().__init__('suite')
+        super().__init__('suite', start_parameter_services=False)
         self.status = status
         self._seen = (time.monotonic(), 0)
         self.create_subscription(JointState, 'lyapunov', self._take_exponents, STREAM)

@@ -50,7 +50,7 @@ class Viewer(ShellNode):
         self._input = EventInput(self, self._take)
         self.create_subscription(JointState, 'lyapunov', self._take_estimate, STREAM)
         self.create_subscription(DiagnosticArray, 'transient', self._take_transient, LATCHED)
-        self.create_timer(INTERVAL, self._draw)
+        self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:

@@ -2,6 +2,7 @@
 
 import array
 import math
+import struct
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -193,3 +194,51 @@ def test_diagnostics_keep_the_digits() -> None:
         assert float(status.values[0].value) == 0.1 + 0.2
         assert (status.name, status.hardware_id, status.message) == (
             'node: part', 'hardware', 'text')
+
+
+FIELDS = st.tuples(
+    st.sampled_from([*(EVENT.names or ()), 'x', 'Kind', '']),
+    st.one_of(st.integers(0, 128), st.integers(0, 2**32 - 1)), st.integers(0, 255),
+    st.one_of(st.just(1), st.integers(0, 2**32 - 1)))
+HOSTILE = st.fixed_dictionaries({}, optional={
+    'height': st.integers(0, 2**32 - 1), 'width': st.integers(0, 2**32 - 1),
+    'point_step': st.one_of(st.integers(0, 200), st.integers(0, 2**32 - 1)),
+    'row_step': st.integers(0, 2**32 - 1), 'is_bigendian': st.booleans(),
+    'data': st.one_of(st.binary(max_size=600), st.integers(0, 480))})
+
+
+@given(attributes=HOSTILE, changed=st.dictionaries(st.integers(0, 14), FIELDS, max_size=3),
+       patch=st.dictionaries(st.integers(0, 479), st.integers(0, 255), max_size=4))
+def test_a_hostile_cloud_is_refused_or_read_as_it_says(
+        attributes: dict[str, object], changed: dict[int, tuple[str, int, int, int]],
+        patch: dict[int, int]) -> None:
+    """One line of ValueError, or the very values that stand in the bytes, all of them possible."""
+    cloud = messages.cloud_from_events(some_events(5), STAMP)
+    data = bytearray(cloud.data)
+    for place, byte in patch.items():
+        data[place] = byte
+    cloud.data = array.array('B', data)
+    fields = [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields]
+    for place, field in changed.items():
+        fields[place % len(fields)] = field
+    cloud.fields = [PointField(name=n, offset=o, datatype=d, count=c) for n, o, d, c in fields]
+    for name, value in attributes.items():
+        if name == 'data':
+            value = array.array('B', value if isinstance(value, bytes) else data[:value])
+        setattr(cloud, name, value)
+    try:
+        events = messages.events_from_cloud(cloud)
+    except ValueError as error:
+        assert str(error) and '\n' not in str(error)
+        return
+    order = '>' if cloud.is_bigendian else '<'
+    for name in EVENT.names or ():
+        (offset, datatype, count), = [place for field, *place in fields if field == name]
+        assert count == 1 and datatype == (6 if EVENT[name].itemsize == 4 else 8)
+        code = order + ('I' if datatype == 6 else 'd')
+        for number, value in enumerate(events[name].tolist()):
+            start = number * cloud.point_step + offset
+            assert struct.unpack_from(code, cloud.data, start)[0] == value
+    assert len(events) == cloud.width * cloud.height
+    assert (events['kind'] <= 4).all() and np.isfinite(events['velocity']).all()
+    assert ((events['phase'] >= 0.0) & (events['phase'] <= 2.0 * np.pi)).all()

@@ -2,7 +2,9 @@
 
 import math
 
+from hypothesis import given, strategies as st
 import pytest
+from rclpy.parameter import Parameter
 
 from gear_rattle_ros import parameters
 from gear_rattle_ros.core.model import Parameters, State
@@ -96,3 +98,43 @@ def test_names_are_unique_in_each_table() -> None:
     for table in parameters.TABLES.values():
         names = [specification.name for specification in table]
         assert len(set(names)) == len(names)
+
+
+VALUES = st.one_of(
+    st.none(), st.booleans(), st.integers(-2**63, 2**63 - 1), st.integers(-2, 2),
+    st.floats(), st.floats(-2.0, 2.0), st.text(max_size=20), st.lists(st.floats(), max_size=2),
+    st.lists(st.integers(-5, 5), max_size=2), st.lists(st.booleans(), max_size=2))
+
+
+@pytest.mark.parametrize('name', ['simulator', 'lyapunov', 'recorder'])
+def test_the_guard_lets_in_what_the_table_allows_and_nothing_else(rclpy_node, name: str) -> None:
+    """On a real node: all or none, the right type and range, or everything is as it was."""
+    table = TABLES[name]
+    applied: list[dict[str, object]] = []
+    parameters.declare(rclpy_node, table)
+    parameters.guard(rclpy_node, table, lambda values: None, applied.append)
+    specifications = {specification.name: specification for specification in table}
+
+    def fits(key: str, value: object) -> bool:
+        specification = specifications[key]
+        wanted = type(specification.default)
+        if type(value) is not wanted and not (wanted is float and type(value) is int):
+            return False
+        if specification.read_only:
+            return False
+        return specification.low is None or specification.low <= value <= specification.high
+
+    @given(values=st.dictionaries(st.sampled_from(sorted(specifications)), VALUES, min_size=1,
+                                  max_size=3))
+    def holds(values: dict[str, object]) -> None:
+        before = {key: rclpy_node.get_parameter(key).value for key in specifications}
+        result = rclpy_node.set_parameters_atomically(
+            [Parameter(key, value=value) for key, value in values.items()])
+        assert result.successful == all(fits(key, value) for key, value in values.items())
+        assert result.successful or result.reason
+        after = {key: rclpy_node.get_parameter(key).value for key in specifications}
+        assert after == (before | values if result.successful else before)
+        assert [type(value) for value in after.values()] == [
+            type(specifications[key].default) for key in after]
+
+    holds()

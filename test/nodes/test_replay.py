@@ -179,7 +179,7 @@ def test_plain_arguments_become_parameters(capsys: pytest.CaptureFixture[str]) -
     """The ROS arguments stay as they are; what cannot be understood is refused."""
     given = ['2026', '--speed', '2', '--loop', '--ros-args', '-r', '__ns:=/a']
     assert ros_arguments(given) == [
-        *given, '--ros-args', '-p', 'bag:="2026"', '-p', 'speed:=2.0', '-p', 'loop:=true']
+        *given[-3:], '--ros-args', '-p', 'bag:="2026"', '-p', 'speed:=2.0', '-p', 'loop:=true']
     assert ros_arguments(['--ros-args', '-p', 'bag:=x', '--', '--topics', 'a', 'b'])[-1] == \
         'topics:="a b"'
     assert ros_arguments(['--ros-args', '-p', 'bag:=x']) == ['--ros-args', '-p', 'bag:=x']

@@ -233,13 +233,14 @@ class Soak:
         print(f'bag: {impacts} impacts, {self.bag_size() / max(impacts, 1):.1f} bytes each, '
               f'{guard.gaps} gaps', flush=True)
         if 'verify' in EXECUTABLES:
-            status = subprocess.run(
-                [sys.executable, '-m', 'gear_rattle_ros.start', 'verify', str(self.bag)]).returncode
+            command = [sys.executable, '-m', 'gear_rattle_ros.start', 'verify', str(self.bag)]
+            status = subprocess.run(command).returncode
             self.expect(status == 0, f'verify ended with status {status}')
 
     def print_memory(self) -> None:
         """Print and judge the memory of every process."""
         for name, samples in self.memory.items():
+            np.savetxt(self.bag.parent / f'memory_{name}.txt', samples, '%.1f')
             rate, error = slope(samples)
             sizes = [size for _, size in samples]
             begin = sizes[int(WARM_UP * len(sizes))]

@@ -1,0 +1,42 @@
+"""Services that rclpy gives every node, made safe: a malformed request must not end the node."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+_TYPES: Final = {int(kind.value) for kind in Parameter.Type}
+
+
+def harden(node: Node) -> None:
+    """Let every service of a node answer what it cannot understand, with the reason in the log."""
+    for service in node.services:
+        service.callback = _guarded(node, service.callback)
+
+
+def _guarded(node: Node, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def guarded(request: Any, response: Any) -> Any:
+        # rclpy falls over an unknown type, and takes any value for a parameter without a name.
+        for parameter in getattr(request, 'parameters', ()):
+            if parameter.value.type not in _TYPES:
+                return _refused(request, response,
+                                f'{parameter.name!r} has the unknown type {parameter.value.type}')
+            if not parameter.name:
+                return _refused(request, response, 'a parameter has no name')
+        try:
+            return answer(request, response)
+        except Exception as error:
+            node.get_logger().warning(f'a request is refused: {error!r:.500}')
+            return _refused(request, type(response)(), repr(error))
+    return guarded
+
+
+def _refused(request: Any, response: Any, reason: str) -> Any:
+    refusal = SetParametersResult(successful=False, reason=reason)
+    if hasattr(response, 'results') and hasattr(request, 'parameters'):
+        response.results = [refusal for _ in request.parameters]
+    elif hasattr(response, 'result') and hasattr(request, 'parameters'):
+        response.result = refusal
+    return response
