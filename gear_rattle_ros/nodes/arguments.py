@@ -11,7 +11,8 @@ from ..parameters import TABLES
 
 def split_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the plain arguments, and those for ROS with the words that enclose them."""
-    plain, ros = [], []
+    plain: list[str] = []
+    ros: list[str] = []
     is_ros = False
     for argument in arguments:
         is_ros |= argument == '--ros-args'
