@@ -107,6 +107,38 @@ def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bo
     return figure
 
 
+def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str) -> Figure:
+    """
+    Draw how fast neighbours part (red) or meet (blue).
+
+    Parameters
+    ----------
+    exponents : ndarray of float, shape (velocities, phases)
+        Finite-time exponents [1]; those that are not finite are drawn dark.
+    plane : Plane
+        The window.
+    title : str
+        Title.
+
+    Returns
+    -------
+    Figure
+        The picture.
+
+    """
+    figure, axes = _new(title)
+    finite = np.abs(exponents[np.isfinite(exponents)])
+    reach = max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
+    colours = colormaps['RdBu_r'].copy()
+    colours.set_bad('#4d4d4d')
+    drawn = axes.imshow(np.ma.masked_invalid(exponents), cmap=colours,
+                        norm=Normalize(-reach, reach), **_placed(plane))
+    figure.colorbar(drawn, ax=axes, shrink=0.9, extend='both').set_label(
+        'finite-time exponent per impact [1]')
+    _label(axes, plane)
+    return figure
+
+
 def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Figure:
     """
     Draw the attractors on the section.

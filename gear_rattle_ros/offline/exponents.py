@@ -1,0 +1,146 @@
+"""The tool `exponents`: how fast neighbours of every start part or meet within some impacts."""
+
+import argparse
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from . import cli
+from .attractors import identity_of
+from .engine import run_tiles
+from .grid import Plane, StartArray
+from .search import BATCH
+from .store import Axis, Layout, make_store, Store, Variable
+from ..core.growth import grow, STEPS
+from ..core.lanes import new_impacts, new_tiles
+from ..core.model import Parameters
+
+NAME: Final = 'exponents'
+IMPACTS: Final = 50
+# Cells along the edge of a tile.
+EDGE: Final = 100
+
+
+def finite_time_exponents(starts: StartArray, count: int, threads: int | None = None
+                          ) -> npt.NDArray[np.float64]:
+    """
+    Find the largest finite-time exponents of starts.
+
+    Parameters
+    ----------
+    starts : ndarray of START, shape (n,)
+        The starts.
+    count : int
+        Impacts, at least 1.
+    threads : int, optional
+        How many; by default one for each processor.
+
+    Returns
+    -------
+    ndarray of float, shape (n,)
+        Per impact [1]; -inf where the mass sticks or comes to rest, nan where it floats.
+
+    """
+    exponents = np.zeros(len(starts))
+
+    def work(batch: int) -> None:
+        part = slice(batch * BATCH, (batch + 1) * BATCH)
+        grow(new_tiles(1)[0], new_impacts(STEPS), starts[part], count, exponents[part])
+
+    run_tiles(work, range(-(-len(starts) // BATCH)), lambda batch, result: None, threads=threads)
+    return exponents
+
+
+def compute_exponents(parameters: Parameters, plane: Plane, run: cli.Run, count: int) -> Store:
+    """
+    Compute a grid into a store.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of the model.
+    plane : Plane
+        The cells.
+    run : Run
+        How and where.
+    count : int
+        Impacts.
+
+    Returns
+    -------
+    Store
+        Finished.
+
+    """
+    layout = Layout(
+        (Axis('velocity', plane.velocity_values(),
+              {'long_name': 'initial velocity', 'units': '1'}, EDGE),
+         Axis('phase', plane.phase_values(),
+              {'long_name': 'initial drive phase', 'units': 'rad'}, EDGE)),
+        (Variable('exponent', ('velocity', 'phase'), '<f8', {
+            'long_name': f'largest finite-time exponent per impact over {count} impacts; -inf '
+                         'where the mass sticks, nan where it floats', 'units': '1'}, np.nan),),
+        identity_of(NAME, parameters, plane, impacts=count,
+                    size=[plane.phases, plane.velocities]),
+        {'title': 'Finite-time exponents of the gear-rattling model'})
+    store = make_store(run.output, layout, run.command, resume=run.resume)
+    progress = run.progress(len(store.tiles))
+    pending = store.pending()
+    progress.skip(len(store.tiles) - len(pending))
+    try:
+        for tile in pending:
+            part = store.tiles[tile]
+            starts = plane.starts(parameters, part['velocity'], part['phase'])
+            values = finite_time_exponents(starts, count, run.threads)
+            store.write(tile, {'exponent': values.reshape(
+                tuple(each.stop - each.start for each in part.values()))})
+            store.mark(tile)
+            progress.add(1, count * len(starts))
+    finally:
+        progress.end()
+    return store
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Run the command `exponents`.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
+
+    """
+    parser = cli.Parser(NAME, description='Find how fast neighbours of every start part or meet: '
+                        'the largest exponent of the first impacts.')
+    cli.add_model(parser)
+    cli.add_plane(parser)
+    parser.add_argument('--impacts', type=cli.whole(1), default=IMPACTS, metavar='N',
+                        help=f'impacts of every start; {IMPACTS} by default')
+
+    def work(given: argparse.Namespace, run: cli.Run) -> int:
+        if run.cluster:
+            raise ValueError('--cluster: exponents run on the threads of this machine only')
+        parameters, plane = cli.model_of(given), cli.plane_of(given)
+        store = compute_exponents(parameters, plane, run, given.impacts)
+        values = store.read_all('exponent')
+        finite = values[np.isfinite(values)]
+        print(f'{np.mean(finite > 0.0) if len(finite) else np.nan:.3%} of the starts that do not '
+              f'stick part from their neighbours, over {given.impacts} impacts')
+        print(f'{np.mean(np.isneginf(values)):.3%} of all stick and forget theirs')
+
+        def draw() -> cli.Figure:
+            from .pictures import draw_exponents, thinned
+            return draw_exponents(
+                values[thinned(plane)], plane, f'Finite-time exponents over {given.impacts} '
+                f'impacts, alpha {parameters.alpha:g}, s = {plane.displacement:g}')
+
+        return run.finish(draw)
+
+    return cli.run_tool(parser, arguments, 'exponents-{alpha:g}.zarr', work)
