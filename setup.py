@@ -79,6 +79,7 @@ setup(
     data_files=data_files(),
     python_requires='>=3.10',
     install_requires=[
+        'bokeh>=3.4',
         'matplotlib',
         'mcap>=1.2',
         'numba>=0.58',
@@ -116,6 +117,7 @@ setup(
             'hypothesis',
             'import-linter',
             'mpmath',
+            'playwright',
             'pytest',
             'pytest-xdist',
             'rosbags',

@@ -20,6 +20,8 @@ EXECUTABLES = {
     'basins': 'offline.basins',
     'continuation': 'offline.continuation',
     'crisis': 'offline.crisis',
+    'explorer': 'explorer.server',
+    'exponents': 'offline.exponents',
     'figures': 'offline.figures',
     'lifetimes': 'offline.lifetimes',
     'lyapunov': 'nodes.lyapunov',

@@ -1,0 +1,166 @@
+"""The attractors at every parameter that has been looked at: quickly first, then thoroughly."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+import dataclasses
+import threading
+from typing import Final
+
+import numpy as np
+
+from .view import HOLD, LIFETIMES, STARTS, View
+from ..core.model import Parameters
+from ..core.periodic import Orbit
+from ..offline.grid import Plane
+from ..offline.search import Catalogue, find_attractors
+
+# The quick search: starts, and impacts for which they are followed.
+QUICK_STARTS: Final = 200
+QUICK_HOLD: Final = 2_000
+SEED: Final = 1
+# Parameters that are remembered.
+KEPT: Final = 256
+# How often one who waits for a search looks whether he still wants it [s].
+GLANCE: Final = 0.02
+
+Key = tuple[Parameters, float, bool]
+
+
+@dataclasses.dataclass(frozen=True)
+class Known:
+    """
+    What is known at some parameters.
+
+    Attributes
+    ----------
+    catalogue : Catalogue
+        What a search has found.
+    late : tuple of Orbit
+        Orbits that only a picture has shown, in the order of their keys.
+    is_complete : bool
+        Whether nothing was left to a more thorough search.
+
+    """
+
+    catalogue: Catalogue
+    late: tuple[Orbit, ...] = ()
+    is_complete: bool = True
+
+
+class Catalogues:
+    """Searches, remembered by parameters and displacement; shared by all pages."""
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[Key, Known] = OrderedDict()
+        self._lock = threading.Lock()
+        self._searching = threading.Lock()
+
+    def quick(self, view: View) -> Known:
+        """
+        Tell what a quick search finds, or more where that is known.
+
+        Parameters
+        ----------
+        view : View
+            Its parameters count.
+
+        Returns
+        -------
+        Known
+            Within a tenth of a second; chaotic attractors only if they are known already.
+
+        """
+        known = self._get(_key(view))
+        if known is None:
+            found = find_attractors(view.parameters, _random(view, QUICK_STARTS), hold=QUICK_HOLD,
+                                    chaotic=False)
+            # What the last look at a few has not settled is nearly always chaos, or a long way.
+            is_complete = not np.any(found.labels == -1)
+            known = self._put(_key(view), Known(found, is_complete=is_complete))
+        return known
+
+    def complete(self, view: View, check: Callable[[], None]) -> Known:
+        """
+        Tell what a thorough search finds.
+
+        Parameters
+        ----------
+        view : View
+            Its parameters count.
+        check : callable
+            Called often; raises to stop waiting. The search itself goes on, for the next who asks.
+
+        Returns
+        -------
+        Known
+            Chaotic attractors too, unless the picture is of lifetimes, where chaos is transient.
+
+        """
+        key = _key(view)
+        known = self._get(key)
+        while known is None or not known.is_complete:
+            check()
+            if self._searching.acquire(timeout=GLANCE):
+                thread = threading.Thread(target=self._search, args=(key, view), daemon=True)
+                thread.start()
+                while thread.is_alive():
+                    thread.join(GLANCE)
+                    check()
+            known = self._get(key)
+        return known
+
+    def add(self, view: View, orbits: list[Orbit]) -> Known:
+        """
+        Remember orbits that no random start has reached.
+
+        Parameters
+        ----------
+        view : View
+            Its parameters count.
+        orbits : list of Orbit
+            Stable ones.
+
+        Returns
+        -------
+        Known
+            With those that are new.
+
+        """
+        known = self.quick(view)
+        late = {orbit.key: orbit for orbit in known.late}
+        late |= {orbit.key: orbit for orbit in orbits}
+        for orbit in known.catalogue.orbits:
+            late.pop(orbit.key, None)
+        return self._put(_key(view), dataclasses.replace(
+            known, late=tuple(late[key] for key in sorted(late))))
+
+    def _search(self, key: Key, view: View) -> None:
+        try:
+            found = find_attractors(view.parameters, _random(view, STARTS), hold=HOLD,
+                                    chaotic=view.kind != LIFETIMES)
+            self._put(key, Known(found))
+        finally:
+            self._searching.release()
+
+    def _get(self, key: Key) -> Known | None:
+        with self._lock:
+            if key in self._known:
+                self._known.move_to_end(key)
+            return self._known.get(key)
+
+    def _put(self, key: Key, known: Known) -> Known:
+        with self._lock:
+            self._known[key] = known
+            self._known.move_to_end(key)
+            while len(self._known) > KEPT:
+                self._known.popitem(last=False)
+        return known
+
+
+def _key(view: View) -> Key:
+    return view.parameters, view.displacement, view.kind == LIFETIMES
+
+
+def _random(view: View, count: int) -> np.ndarray:
+    # From the whole plane, so that panning and zooming do not change what is known.
+    return Plane(view.displacement).random_starts(view.parameters, count, SEED)

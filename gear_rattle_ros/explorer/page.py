@@ -1,0 +1,236 @@
+"""One page: what is asked for, what is shown, and the hands on it."""
+
+from collections.abc import Callable
+import dataclasses
+import functools
+import html
+from pathlib import Path
+import threading
+
+from bokeh.document import Document
+from bokeh.layouts import column, row
+from bokeh.models import Button, Div, NumericInput, RadioButtonGroup, Slider
+
+from .catalogues import Catalogues
+from .computing import Picture
+from .painting import Colours, legend
+from .plane_figure import PlaneFigure, WIDTH
+from .saving import Saving
+from .simulator_link import SimulatorLink
+from .trajectory import follow, Trajectory
+from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
+from .view import BASINS, KINDS, View
+from .worker import Worker
+from ..core.model import Parameters
+
+TITLE = 'Gear rattle explorer'
+# Phase [rad], displacement and velocity [1] of the trajectory that is shown at first.
+FIRST_POINT = (4.0, 0.0, -0.5)
+# Name, symbol, range, step of a slider.
+SLIDERS = (('alpha', 'α drive', 0.0, 2.0, 0.001), ('beta', 'β damping', 0.0, 1.0, 0.005),
+           ('gamma', 'γ load', -0.5, 0.5, 0.005),
+           ('restitution', 'r restitution', 0.0, 1.0, 0.005),
+           ('displacement', 's₀ start', -1.0, 0.0, 0.01))
+
+
+@dataclasses.dataclass(frozen=True)
+class Shared:
+    """What all pages of a server share."""
+
+    catalogues: Catalogues
+    link: SimulatorLink
+    folder: Path
+
+
+class Page:
+    """The page of one browser tab."""
+
+    def __init__(self, document: Document, shared: Shared, view: View,
+                 is_open: Callable[[], bool]) -> None:
+        self._document = document
+        self._shared = shared
+        self._view = self._home = view
+        self._colours = Colours()
+        self._trajectory: Trajectory | None = None
+        self._waiting: Picture | None = None
+        self._lock = threading.Lock()
+        self._plane = PlaneFigure(view, self._move, self._click)
+        self._figures = TrajectoryFigures()
+        self._legend = Div(name='legend', width=WIDTH, height=36,
+                           styles={'font-size': '12px', 'line-height': '1.5'})
+        self._status = Div(name='status', width=WIDTH, height=20,
+                           styles={'font-size': '12px', 'color': '#555'})
+        self._message = Div(name='message', width=RIGHT_WIDTH, height=40, text=(
+            'Drag to pan, turn the wheel to zoom, click a point to see its trajectory.'),
+            styles={'font-size': '12.5px', 'overflow-wrap': 'anywhere'})
+        self._kind = RadioButtonGroup(name='kind', labels=list(KINDS),
+                                      active=KINDS.index(view.kind), width=270)
+        self._sliders: dict[str, Slider] = {}
+        self._alpha = NumericInput(name='exact_alpha', value=view.parameters.alpha, mode='float',
+                                   low=0.0, high=1000.0, width=110, title='α exactly')
+        self._saving = Saving(shared.folder, self._tell_later)
+        self._worker = Worker(shared.catalogues, self._offer, is_open)
+        self._lay_out()
+        self._worker.ask(view)
+        phase, _, velocity = FIRST_POINT
+        self._click(phase, velocity)
+
+    def close(self) -> None:
+        """End everything that works for this page."""
+        self._worker.stop()
+        self._saving.stop()
+
+    def _lay_out(self) -> None:
+        view = self._view
+        for name, title, low, high, step in SLIDERS:
+            wide = name == 'alpha'
+            slider = Slider(name=name, title=title, start=low, end=high, step=step,
+                            value=self._value(view, name), format='0.000',
+                            width=RIGHT_WIDTH - 140 if wide else RIGHT_WIDTH // 4 - 14)
+            slider.on_change('value', functools.partial(self._slide, name))
+            self._sliders[name] = slider
+        self._alpha.on_change('value', self._type_alpha)
+        self._kind.on_change('active', self._choose)
+        home = Button(name='home', label='whole plane', width=100)
+        home.on_click(self._go_home)
+        save = Button(name='save', label='save this view', width=110, button_type='primary')
+        save.on_click(lambda: self._saving.begin(self._view))
+        send = Button(name='send', label='send the point to the simulator', width=220,
+                      button_type='success')
+        send.on_click(self._send)
+        title = Div(text=f'<b style="font-size:15px">{TITLE}</b>',
+                    width=226)
+        left = column(row(title, self._kind, home), self._plane.figure, self._legend,
+                      self._status)
+        right = column(
+            row(self._sliders['alpha'], self._alpha),
+            row(*(self._sliders[name] for name, *_ in SLIDERS[1:])),
+            self._figures.motion, row(self._figures.section, self._figures.sequence),
+            row(send, save), self._message)
+        self._document.add_root(row(left, right, spacing=8))
+        self._document.title = TITLE
+
+    @staticmethod
+    def _value(view: View, name: str) -> float:
+        owner = view if name == 'displacement' else view.parameters
+        return float(getattr(owner, name))
+
+    def _ask(self, **changes: object) -> None:
+        try:
+            view = dataclasses.replace(self._view, **changes)  # type: ignore[arg-type]
+        except ValueError as error:
+            self._tell(str(error), False)
+            return
+        if view != self._view:
+            self._view = view
+            self._worker.ask(view)
+
+    def _ask_model(self, parameters: Parameters) -> None:
+        self._ask(parameters=parameters)
+        self._follow_again()
+
+    def _move(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
+        self._ask(phase=phase, velocity=velocity)
+
+    def _choose(self, attr: str, old: int, new: int) -> None:
+        self._ask(kind=KINDS[new])
+
+    def _slide(self, name: str, attr: str, old: float, new: float) -> None:
+        value = float(new)
+        if value == self._value(self._view, name):
+            return
+        if name == 'displacement':
+            self._ask(displacement=value)
+            self._follow_again()
+            return
+        if name == 'alpha':
+            self._alpha.value = value
+        self._ask_model(dataclasses.replace(self._view.parameters, **{name: value}))
+
+    def _type_alpha(self, attr: str, old: float | None, value: float | None) -> None:
+        if value is None or value == self._view.parameters.alpha:
+            return
+        try:
+            parameters = dataclasses.replace(self._view.parameters, alpha=value)
+        except ValueError as error:
+            self._tell(str(error), False)
+            return
+        self._ask_model(parameters)
+        slider = self._sliders['alpha']
+        slider.update(end=max(slider.end, value), value=value)
+
+    def _go_home(self) -> None:
+        self._plane.go_to(self._home.phase, self._home.velocity)
+        self._move(self._home.phase, self._home.velocity)
+
+    def _click(self, phase: float, velocity: float) -> None:
+        view = self._view
+        self._plane.mark(phase, velocity)
+        try:
+            self._trajectory = follow(view.parameters, phase, view.displacement, velocity)
+        except ValueError as error:
+            self._tell(str(error), False)
+            return
+        self._clicked = (phase, velocity)
+        self._figures.show(self._trajectory)
+        self._figures.motion.title.text = self._words(self._trajectory)
+
+    def _follow_again(self) -> None:
+        self._click(*self._clicked)
+
+    @staticmethod
+    def _words(trajectory: Trajectory) -> str:
+        state = trajectory.state
+        words = (f'motion from phase {state.phase:.10g}, s = {state.displacement:g}, velocity '
+                 f'{state.velocity:.10g}')
+        if trajectory.rests:
+            return f'{words}: rests for ever after {len(trajectory.phases)} impacts'
+        if trajectory.sticks:
+            words += f': sticks {trajectory.sticks} times in {len(trajectory.phases)} impacts'
+        return words
+
+    def _send(self) -> None:
+        trajectory, parameters = self._trajectory, self._view.parameters
+        if trajectory is None:
+            self._tell('click a point first', False)
+            return
+        self._tell('looking for the simulator ...', True)
+        threading.Thread(daemon=True, target=lambda: self._tell_later(
+            *self._shared.link.send(trajectory.state, parameters))).start()
+
+    def _offer(self, picture: Picture) -> None:
+        """Take a picture from the worker; one that has not been drawn yet is replaced."""
+        with self._lock:
+            is_first = self._waiting is None
+            self._waiting = picture
+        if is_first:
+            self._document.add_next_tick_callback(self._draw)
+
+    def _draw(self) -> None:
+        with self._lock:
+            picture, self._waiting = self._waiting, None
+        if picture is None or picture.view != self._view:
+            return
+        self._colours = self._colours.followed(picture.known)
+        self._plane.show(picture, self._colours)
+        self._legend.text = legend(picture, self._colours)
+        view = picture.view
+        limit = view.limit()
+        done = '' if picture.done == 1.0 else f' ({picture.done:.0%})'
+        more = '' if picture.is_last else ', going on'
+        text = (f'{picture.cells} × {picture.cells}{done}{more}, {picture.seconds:.2f} s; window '
+                f'{view.phase[1] - view.phase[0]:.3g} rad × '
+                f'{view.velocity[1] - view.velocity[0]:.3g}')
+        self._status.text = f'<b style="color:#b22e18">{limit}</b>' if limit else text
+
+    def _tell(self, text: str, is_good: bool) -> None:
+        colour = '#222' if is_good else '#b22e18'
+        self._message.text = f'<span style="color:{colour}">{html.escape(text)}</span>'
+
+    def _tell_later(self, text: str, is_good: bool) -> None:
+        self._document.add_next_tick_callback(lambda: self._tell(text, is_good))
+
+
+def first_view(alpha: float) -> View:
+    """Return the view with which a page begins."""
+    return View(Parameters(alpha=alpha), kind=BASINS)

@@ -1,0 +1,194 @@
+"""Pictures of a view as pixels, and the legend in words."""
+
+import dataclasses
+import html
+import math
+from typing import Final
+
+from bokeh.palettes import Inferno256
+import numpy as np
+import numpy.typing as npt
+
+from .catalogues import Known
+from .computing import Picture
+from .view import CAP, LIFETIMES, SPAN
+from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
+from ..offline.colours import colours_of, ENDS, follow, painted, points_of, Trace
+
+CENSORED: Final = '#7fd1ff'
+NAMES: Final = {
+    UNRESOLVED: f'unresolved after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
+    RESTS_LOWER: 'at rest, lower wall', FLOATING: 'floating between the walls'}
+# Exponents: falling together, indifferent, parting; and all memory lost.
+FALLING: Final = (12, 74, 140)
+INDIFFERENT: Final = (247, 247, 247)
+PARTING: Final = (178, 46, 24)
+FORGOTTEN: Final = '#4d4d4d'
+# Settling slowly looks so much darker in a picture of basins.
+DARKEST: Final = 0.42
+
+Pixels = npt.NDArray[np.uint8]
+
+
+@dataclasses.dataclass(frozen=True)
+class Colours:
+    """
+    The colours of one page, which stay while parameters move.
+
+    Attributes
+    ----------
+    traces : tuple of Trace
+        Attractors that have a colour.
+    by_label : dict
+        Colour of every label, as HTML writes it.
+    names : dict
+        What every label means.
+
+    """
+
+    traces: tuple[Trace, ...] = ()
+    by_label: dict[int, str] = dataclasses.field(default_factory=lambda: dict(ENDS))
+    names: dict[int, str] = dataclasses.field(default_factory=lambda: dict(NAMES))
+
+    def followed(self, known: Known) -> 'Colours':
+        """
+        Go on to other parameters.
+
+        Parameters
+        ----------
+        known : Known
+            The attractors there.
+
+        Returns
+        -------
+        Colours
+            Of those.
+
+        """
+        found = points_of(known.catalogue, known.late)
+        traces, hues = follow(self.traces, found, is_complete=known.is_complete)
+        keys = [*(orbit.key for orbit in known.catalogue.orbits),
+                *(chaotic.key for chaotic in known.catalogue.chaotic),
+                *(orbit.key for orbit in known.late)]
+        return Colours(traces, colours_of(hues), NAMES | dict(enumerate(keys)))
+
+
+def paint(picture: Picture, colours: Colours) -> Pixels:
+    """
+    Paint a picture.
+
+    Parameters
+    ----------
+    picture : Picture
+        What is known.
+    colours : Colours
+        Of its attractors.
+
+    Returns
+    -------
+    ndarray of uint8, shape (cells, cells, 4)
+        Red, green, blue, opacity; the lowest velocity first.
+
+    """
+    slowness = np.log(np.maximum(picture.lifetimes, 1)) / math.log(CAP)
+    if picture.exponents is not None:
+        return _paint_exponents(picture.exponents)
+    if picture.view.kind == LIFETIMES:
+        table = np.array([_rgb(colour) for colour in Inferno256], np.uint8)
+        pixels = np.full((*slowness.shape, 4), 255, np.uint8)
+        pixels[..., :3] = table[(np.clip(slowness, 0.0, 1.0) * 255.0).astype(np.int64)]
+        pixels[picture.labels == UNRESOLVED, :3] = _rgb(CENSORED)
+        return pixels
+    pixels = painted(picture.labels, colours.by_label)
+    shade = np.where(picture.labels == UNRESOLVED, 1.0, 1.0 - DARKEST * np.clip(
+        1.6 * (slowness - 0.2), 0.0, 1.0))
+    pixels[..., :3] = pixels[..., :3] * shade[..., None]
+    return pixels
+
+
+def span_of(exponents: npt.NDArray[np.floating]) -> float:
+    """
+    Find how far the colours of exponents reach on both sides of zero.
+
+    Parameters
+    ----------
+    exponents : ndarray of float
+        Finite-time exponents [1].
+
+    Returns
+    -------
+    float
+        All but the most extreme twentieth lie within [1].
+
+    """
+    finite = exponents[np.isfinite(exponents)]
+    return max(1e-3, float(np.quantile(np.abs(finite), 0.95))) if len(finite) else 1.0
+
+
+def legend(picture: Picture, colours: Colours) -> str:
+    """
+    Say what the colours mean.
+
+    Parameters
+    ----------
+    picture : Picture
+        The picture.
+    colours : Colours
+        Of its attractors.
+
+    Returns
+    -------
+    str
+        HTML.
+
+    """
+    if picture.exponents is not None:
+        reach = span_of(picture.exponents)
+        bar = _bar([_hex(FALLING), _hex(INDIFFERENT), _hex(PARTING)])
+        lost = float(np.mean(np.isneginf(picture.exponents)))
+        words = (f'finite-time exponent over {SPAN} impacts [1]&ensp;−{reach:.2f} {bar} '
+                 f'+{reach:.2f}')
+        return words + (f'&emsp;{_swatch(FORGOTTEN)} sticks {lost:.1%}' if lost else '')
+    shares = {int(label): count / picture.labels.size for label, count in zip(
+        *np.unique(picture.labels, return_counts=True), strict=True)}
+    if picture.view.kind == LIFETIMES:
+        bar = _bar(list(Inferno256[::32]) + [Inferno256[-1]])
+        words = f'lifetime [impacts]&ensp;1 {bar} {CAP:,}'
+        if UNRESOLVED in shares:
+            words += f'&emsp;{_swatch(CENSORED)} longer {shares[UNRESOLVED]:.1%}'
+        return words
+    ordered = sorted(shares, key=lambda label: -shares[label])
+    most = 6
+    words = '&emsp;'.join(
+        f'{_swatch(colours.by_label[label])} {html.escape(colours.names[label])} '
+        f'<b>{100.0 * shares[label]:.1f} %</b>' for label in ordered[:most])
+    return words + (f'&emsp;and {len(ordered) - most} more' if len(ordered) > most else '')
+
+
+def _paint_exponents(exponents: npt.NDArray[np.float32]) -> Pixels:
+    share = np.nan_to_num(exponents / span_of(exponents), nan=0.0, posinf=1.0, neginf=-1.0)
+    share = np.clip(share, -1.0, 1.0)[..., None]
+    towards = np.where(share > 0.0, np.array(PARTING), np.array(FALLING))
+    middle = np.array(INDIFFERENT)
+    pixels = np.full((*exponents.shape, 4), 255, np.uint8)
+    pixels[..., :3] = middle + (towards - middle) * np.abs(share)
+    pixels[~np.isfinite(exponents), :3] = _rgb(FORGOTTEN)
+    return pixels
+
+
+def _rgb(colour: str) -> list[int]:
+    return list(bytes.fromhex(colour[1:7]))
+
+
+def _hex(colour: tuple[int, int, int]) -> str:
+    return '#' + bytes(colour).hex()
+
+
+def _swatch(colour: str) -> str:
+    return (f'<span style="display:inline-block;width:11px;height:11px;border-radius:2px;'
+            f'background:{colour}"></span>')
+
+
+def _bar(colours: list[str]) -> str:
+    return ('<span style="display:inline-block;width:170px;height:11px;border-radius:2px;'
+            f'vertical-align:-1px;background:linear-gradient(90deg,{",".join(colours)})"></span>')

@@ -1,0 +1,107 @@
+"""The figure of the plane: picture, pointer read-out, the point that was clicked."""
+
+from collections.abc import Callable
+from typing import Any
+
+from bokeh.events import RangesUpdate, Tap
+from bokeh.models import (
+    BoxZoomTool,
+    ColumnDataSource,
+    CustomJSHover,
+    HoverTool,
+    PanTool,
+    Range1d,
+    SaveTool,
+    WheelZoomTool,
+)
+from bokeh.plotting import figure
+import numpy as np
+
+from .axes import phase_formatter, phase_ticker, plain_formatter, plain_ticker, read_out
+from .computing import Picture
+from .painting import Colours, paint
+from .view import NARROWEST, PHASE_BOUND, VELOCITY_BOUND, View
+from ..offline.grid import TWO_PI
+
+WIDTH = 618
+HEIGHT = 590
+# Stands for an exponent that there is none of; the browser would write NaN [1].
+NONE = 1e9
+TIP = """
+<div style="font:12px system-ui,sans-serif;padding:1px 3px">
+<b>@label{custom}</b><br>lifetime @lifetime{custom} impacts@exponent{custom}<br>
+phase $x{custom} rad, velocity $y{custom}</div>
+"""
+
+
+class PlaneFigure:
+    """The plane of initial conditions."""
+
+    def __init__(self, view: View, moved: Callable[[tuple[float, float], tuple[float, float]],
+                                                   None],
+                 clicked: Callable[[float, float], None]) -> None:
+        x_range = Range1d(*view.phase, bounds=(-PHASE_BOUND, PHASE_BOUND),
+                          min_interval=NARROWEST, max_interval=TWO_PI)
+        y_range = Range1d(*view.velocity, bounds=(-VELOCITY_BOUND, VELOCITY_BOUND),
+                          min_interval=NARROWEST)
+        self.source = ColumnDataSource(name='picture', data={
+            name: [] for name in ('image', 'label', 'lifetime', 'exponent', 'x', 'y', 'dw', 'dh')})
+        self._names = ColumnDataSource(data={'label': [], 'name': []})
+        self._point = ColumnDataSource(name='point', data={'x': [], 'y': []})
+        wheel = WheelZoomTool()
+        self.figure = figure(
+            name='plane', width=WIDTH, height=HEIGHT, x_range=x_range, y_range=y_range,
+            tools=[PanTool(), wheel, BoxZoomTool(), SaveTool(filename='explorer')],
+            active_scroll=wheel, toolbar_location='right', min_border_left=66)
+        plot = self.figure
+        plot.toolbar.logo = None
+        plot.axis.axis_label_text_font_style = 'normal'
+        plot.xaxis.axis_label = 'drive phase τ at the start [rad]'
+        plot.yaxis.axis_label = "velocity s' at the start [1]"
+        plot.xaxis.ticker, plot.xaxis.formatter = phase_ticker(x_range), phase_formatter(x_range)
+        plot.yaxis.ticker, plot.yaxis.formatter = plain_ticker(y_range), plain_formatter(y_range)
+        plot.grid.visible = False
+        plot.background_fill_color = '#f2f2f2'
+        image = plot.image_rgba(image='image', x='x', y='y', dw='dw', dh='dh', source=self.source)
+        for size, colour, width in ((15, 'black', 4), (15, 'white', 2)):
+            plot.scatter('x', 'y', source=self._point, size=size, marker='cross',
+                         line_color=colour, line_width=width)
+        plot.add_tools(HoverTool(renderers=[image], tooltips=TIP, formatters={
+            '@label': CustomJSHover(args={'names': self._names}, code="""
+                const at = names.data.label.indexOf(value);
+                return at < 0 ? '' : names.data.name[at];"""),
+            '@lifetime': CustomJSHover(code='return value.toLocaleString("en")'),
+            '@exponent': CustomJSHover(args={'none': NONE}, code="""
+                if (value >= none) return '';
+                return ', exponent ' + (value <= -none ? '\u2212\u221e'
+                    : value.toFixed(3).replace('-', '\u2212'));"""),
+            '$x': read_out(x_range), '$y': read_out(y_range)}))
+        plot.on_event(RangesUpdate, lambda event: moved(
+            (event.x0, event.x1), (event.y0, event.y1)))
+        plot.on_event(Tap, lambda event: clicked(event.x, event.y))
+
+    def show(self, picture: Picture, colours: Colours) -> None:
+        """Draw a picture at the place it was computed for."""
+        view = picture.view
+        pixels = paint(picture, colours)
+        exponents = np.full(picture.labels.shape, NONE, np.float32)
+        if picture.exponents is not None:
+            exponents = np.nan_to_num(picture.exponents, nan=NONE, neginf=-NONE)
+        labels = sorted(colours.names)
+        self._names.data = {'label': labels, 'name': [colours.names[each] for each in labels]}
+        self.source.data = {
+            'image': [pixels.view('uint32').reshape(pixels.shape[:2])],
+            'label': [picture.labels], 'lifetime': [picture.lifetimes],
+            'exponent': [exponents],
+            'x': [view.phase[0]], 'y': [view.velocity[0]],
+            'dw': [view.phase[1] - view.phase[0]], 'dh': [view.velocity[1] - view.velocity[0]]}
+
+    def mark(self, phase: float, velocity: float) -> None:
+        """Mark the point whose trajectory is shown."""
+        self._point.data = {'x': [phase], 'y': [velocity]}
+
+    def go_to(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
+        """Show another window."""
+        ranges: Any = (self.figure.x_range, self.figure.y_range)
+        for range_, window in zip(ranges, (phase, velocity), strict=True):
+            range_.update(start=window[0], end=window[1])

@@ -1,0 +1,71 @@
+"""Saving a view: its dataset and picture, made by the very command that reproduces them."""
+
+from collections.abc import Callable
+import datetime
+from pathlib import Path
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+from typing import Final
+
+from .view import View
+
+# How long a tool that is told to stop may take to put its tiles away [s].
+PATIENCE: Final = 5.0
+
+
+class Saving:
+    """One saving at a time, in a process of its own; what is stopped can be resumed."""
+
+    def __init__(self, folder: Path, tell: Callable[[str, bool], None]) -> None:
+        self._folder = folder
+        self._tell = tell
+        self._process: subprocess.Popen[str] | None = None
+        self._lock = threading.Lock()
+
+    def begin(self, view: View) -> None:
+        """Start saving a view, unless one is being saved; tells how it ends."""
+        with self._lock:
+            if self._process is not None:
+                self._tell('one view is still being saved', False)
+                return
+            now = datetime.datetime.now().strftime('%Y-%m-%d-%H%M%S-%f')[:-3]
+            place = self._folder / f'{now}-{view.kind}'
+            words = view.command(f'{view.kind}.zarr', f'{view.kind}.png')
+            command = shlex.join(['ros2', 'run', 'gear_rattle_ros', *words])
+            try:
+                place.mkdir(parents=True)
+                (place / 'command.txt').write_text(command + '\n')
+                self._process = subprocess.Popen(
+                    [sys.executable, '-m', 'gear_rattle_ros.start', *words], cwd=place,
+                    stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                    text=True)
+            except OSError as error:
+                self._tell(f'cannot save in {place}: {error.strerror}', False)
+                return
+            threading.Thread(target=self._finish, args=(self._process, place),
+                             daemon=True).start()
+        self._tell(f'saving into {place} ...', True)
+
+    def stop(self) -> None:
+        """End what is being saved; its tiles are kept, and command.txt with --resume goes on."""
+        with self._lock:
+            process = self._process
+        if process is not None and process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+    def _finish(self, process: subprocess.Popen[str], place: Path) -> None:
+        errors = process.communicate()[1].strip().splitlines()
+        with self._lock:
+            self._process = None
+        if process.returncode == 0:
+            self._tell(f'saved in {place}: dataset, picture and the command that makes them',
+                       True)
+        else:
+            self._tell(f'not saved: {errors[-1] if errors else process.returncode}', False)

@@ -1,0 +1,111 @@
+"""The explorer: a page on this machine for the plane of initial conditions."""
+
+import argparse
+import dataclasses
+import errno
+import itertools
+from pathlib import Path
+import sys
+import threading
+import webbrowser
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.document import Document
+from bokeh.server.server import Server
+
+from .catalogues import Catalogues
+from .computing import pictures
+from .page import FIRST_POINT, first_view, Page, Shared
+from .simulator_link import SimulatorLink
+from .trajectory import follow
+from .view import EXPONENTS, View
+from ..offline.cli import number, Parser
+from ..offline.progress import telling_of_compilation
+
+NAME = 'explorer'
+ADDRESS = '127.0.0.1'
+PORT = 5006
+# A page that has gone is forgotten after so long; its work ends at once [ms].
+LINGER = 15_000
+LOOK_EVERY = 2_000
+
+
+def make_server(shared: Shared, view: View, port: int) -> Server:
+    """Make a server that listens on this machine only."""
+    def open_page(document: Document) -> None:
+        session = document.session_context
+        joined = threading.Event()
+
+        def is_open() -> bool:
+            # The page has no connection before it is loaded, and none when its tab is closed.
+            connections = session.session.connection_count if session.session else 0
+            if connections:
+                joined.set()
+            return bool(connections) or not joined.is_set()
+
+        page = Page(document, shared, view, is_open)
+        document.on_session_destroyed(lambda context: page.close())
+
+    server = Server(
+        {'/': Application(FunctionHandler(open_page))}, address=ADDRESS, port=port,
+        allow_websocket_origin=[f'{name}:{port}' for name in (ADDRESS, 'localhost')],
+        unused_session_lifetime_milliseconds=LINGER,
+        check_unused_sessions_milliseconds=LOOK_EVERY)
+    return server
+
+
+def serve(given: argparse.Namespace) -> int:
+    """Serve until Ctrl-C or SIGTERM; the exit status is 0, or 2 where it cannot start."""
+    try:
+        view = first_view(given.alpha)
+    except ValueError as error:
+        print(f'{NAME}: {error}', file=sys.stderr)
+        return 2
+    shared = Shared(Catalogues(), SimulatorLink(), given.folder)
+    try:
+        server = make_server(shared, view, given.port)
+    except OSError as error:
+        if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+            raise
+        why = 'is taken' if error.errno == errno.EADDRINUSE else 'is not allowed'
+        print(f'{NAME}: port {given.port} of {ADDRESS} {why}; choose another with --port',
+              file=sys.stderr)
+        return 2
+    # Whoever opens the page does not wait for kernels.
+    with telling_of_compilation(NAME, sys.stderr):
+        for _ in itertools.islice(pictures(
+                dataclasses.replace(view, kind=EXPONENTS), Catalogues(), lambda: None), 1):
+            pass
+        follow(view.parameters, *FIRST_POINT)
+    server.start()
+    address = f'http://{ADDRESS}:{server.port}/'
+    print(f'{NAME}: {address} (Ctrl-C ends it)', flush=True)
+    if not given.no_browser:
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        shared.link.close()
+    return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the explorer; the exit status is 0, or 2 after one line that says what is wrong."""
+    parser = Parser(NAME, description='Look at the plane of initial conditions in a browser.')
+    parser.add_argument('--alpha', type=number, default=0.48, metavar='X',
+                        help='amplitude of the drive at first [1]; 0.48 by default')
+    parser.add_argument('--port', type=_port, default=PORT, metavar='N',
+                        help=f'port of {ADDRESS}; {PORT} by default')
+    parser.add_argument('--no-browser', action='store_true', help='open no browser')
+    parser.add_argument('--folder', type=Path, default=Path('explorer'), metavar='DIR',
+                        help='where views are saved; explorer/ here by default')
+    return serve(parser.parse_args(arguments))
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a port from 1 to 65535')
+    return int(text)

@@ -1,0 +1,82 @@
+"""The trajectory from a point of the plane, ready to be drawn."""
+
+import dataclasses
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ..core.elementary import TWO_PI
+from ..core.model import EventKind, Parameters, State
+from ..core.reconstruction import drive_phases, rebuild
+from ..core.simulation import Simulation
+
+IMPACTS: Final = 400
+# Drive periods after which one that has few impacts is cut off, and those whose motion is drawn.
+LONGEST: Final = 2_000
+PERIODS: Final = 12
+STEP: Final = 0.04
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Trajectory:
+    """
+    What becomes of a start.
+
+    Attributes
+    ----------
+    state : State
+        The start.
+    periods, displacement : ndarray of float, shape (n,)
+        The motion: drive periods since phase 0 of the start's own, and s [1].
+    phases, velocities : ndarray of float, shape (m,)
+        Impacts: drive phase [rad] and velocity just before [1].
+    sticks : int
+        How many of them stick.
+    rests : bool
+        Whether it has come to rest for ever.
+
+    """
+
+    state: State
+    periods: FloatArray
+    displacement: FloatArray
+    phases: FloatArray
+    velocities: FloatArray
+    sticks: int
+    rests: bool
+
+
+def follow(parameters: Parameters, phase: float, displacement: float, velocity: float
+           ) -> Trajectory:
+    """
+    Follow a start for some hundred impacts.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of the model.
+    phase, displacement, velocity : float
+        The start; any phase [rad], [1], [1].
+
+    Returns
+    -------
+    Trajectory
+        Ready to be drawn.
+
+    """
+    turned = phase % TWO_PI
+    state = State(0, turned if turned < TWO_PI else 0.0, displacement, velocity)
+    simulation = Simulation(parameters, state)
+    events = simulation.advance(LONGEST, 0.0, IMPACTS + 1)
+    tau = drive_phases(events) - drive_phases(events)[0] + state.phase
+    drawn = events[:max(2, int(np.searchsorted(tau, TWO_PI * PERIODS + state.phase)) + 1)]
+    motion = rebuild(drawn, STEP)
+    since = (motion.tau - motion.tau[0] + state.phase) / TWO_PI if len(motion.tau) else motion.tau
+    impacts = events[events['kind'] <= EventKind.STICK]
+    return Trajectory(
+        state, np.asarray(since), motion.displacement, impacts['phase'].astype(np.float64),
+        impacts['velocity'].astype(np.float64), int(np.sum(impacts['kind'] == EventKind.STICK)),
+        simulation.is_resting_for_ever)

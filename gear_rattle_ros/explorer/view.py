@@ -1,0 +1,171 @@
+"""What the page shows: model, window, kind of picture. Pure, and independent of any toolkit."""
+
+import dataclasses
+import math
+from typing import Final
+
+from ..core.model import Parameters
+from ..offline.grid import Plane, TWO_PI
+
+BASINS: Final = 'basins'
+LIFETIMES: Final = 'lifetimes'
+EXPONENTS: Final = 'exponents'
+KINDS: Final = (BASINS, LIFETIMES, EXPONENTS)
+# Impacts after which a start is given up, and those over which a finite-time exponent is taken.
+CAP: Final = 5_000
+SPAN: Final = 50
+# Random starts of the search for attractors, and impacts for which they are followed.
+STARTS: Final = 256
+HOLD: Final = 20_000
+# Cells along an edge: at first, as a rule at the end, and where there is time.
+COARSEST: Final = 50
+FINE: Final = 400
+FINEST: Final = 800
+# A finer level is skipped to if it takes no longer [s]; the finest is left out if it takes longer.
+AT_ONCE: Final = 0.3
+PATIENCE: Final = 8.0
+# Neighbouring cells must differ by so many roundings of float64.
+ROUNDINGS: Final = 8
+# The narrowest window of the plane that allows, in both directions [rad, 1].
+NARROWEST: Final = FINE * ROUNDINGS * math.ulp(TWO_PI)
+# How far one may pan [rad, 1].
+PHASE_BOUND: Final = 900.0
+VELOCITY_BOUND: Final = 9000.0
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """
+    A picture that is asked for.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        Of the model.
+    displacement : float
+        Of every start [1].
+    phase, velocity : tuple of float
+        The window [rad, 1].
+    kind : str
+        One of `KINDS`.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+
+    """
+
+    parameters: Parameters = Parameters()
+    displacement: float = 0.0
+    phase: tuple[float, float] = (0.0, TWO_PI)
+    velocity: tuple[float, float] = (-2.0, 2.0)
+    kind: str = BASINS
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        if self.kind not in KINDS:
+            raise ValueError(f'kind {self.kind!r} is none of {", ".join(KINDS)}')
+        plane = self.plane(1)
+        for name in ('displacement', 'phase', 'velocity'):
+            object.__setattr__(self, name, getattr(plane, name))
+
+    def plane(self, cells: int) -> Plane:
+        """
+        Cut the window into cells.
+
+        Parameters
+        ----------
+        cells : int
+            How many along each edge.
+
+        Returns
+        -------
+        Plane
+            The cells.
+
+        """
+        return Plane(self.displacement, self.phase, self.velocity, cells, cells)
+
+    def finest(self) -> int:
+        """
+        Tell how many cells float64 can tell apart in this window.
+
+        Returns
+        -------
+        int
+            Along an edge.
+
+        """
+        return min(int((high - low) / (ROUNDINGS * math.ulp(max(abs(low), abs(high)))))
+                   for low, high in (self.phase, self.velocity))
+
+    def limit(self) -> str:
+        """
+        Say so where float64 ends.
+
+        Returns
+        -------
+        str
+            A sentence; empty where there is room to go deeper.
+
+        """
+        if self.finest() >= 1.05 * FINE:
+            return ''
+        width = min(self.phase[1] - self.phase[0], self.velocity[1] - self.velocity[0])
+        return (f'float64 ends here: in a window {width:.1e} wide, {FINE} cells on a side lie '
+                f'only {ROUNDINGS} roundings apart. Zoom out, or go elsewhere.')
+
+    def command(self, output: str, picture: str) -> list[str]:
+        """
+        Write the command that computes this view into a store and draws it.
+
+        Parameters
+        ----------
+        output, picture : str
+            Paths of the store and the picture.
+
+        Returns
+        -------
+        list of str
+            The name of the tool and its arguments.
+
+        """
+        model = [word for name, value in dataclasses.asdict(self.parameters).items()
+                 for word in (f'--{name}', repr(value))]
+        own = ['--impacts', str(SPAN)] if self.kind == EXPONENTS else [
+            '--cap', str(CAP), '--starts', str(STARTS), '--hold', str(HOLD)]
+        return [self.kind, *model, '--displacement', repr(self.displacement),
+                '--phase', *map(repr, self.phase), '--velocity', *map(repr, self.velocity),
+                '--size', str(min(FINE, self.finest())), *own, '--output', output,
+                '--picture', picture]
+
+
+def following(cells: int, seconds: float, view: View) -> int:
+    """
+    Choose the next finer level.
+
+    Parameters
+    ----------
+    cells : int
+        Cells along an edge of the level that is done.
+    seconds : float
+        What it has taken [s].
+    view : View
+        The picture.
+
+    Returns
+    -------
+    int
+        Cells along an edge; 0 if it is fine enough.
+
+    """
+    per_cell = seconds / cells**2
+    wanted = 2 * cells
+    while wanted < FINE and per_cell * (2 * wanted)**2 < AT_ONCE:
+        wanted *= 2
+    wanted = min(wanted, FINE) if cells < FINE else wanted
+    if wanted > min(FINEST, view.finest()) or (
+            wanted > FINE and per_cell * wanted**2 > PATIENCE):
+        return 0
+    return wanted

@@ -1,0 +1,72 @@
+"""A thread for each page that always computes the view which was asked for last."""
+
+from collections.abc import Callable
+import threading
+import traceback
+
+from .catalogues import Catalogues
+from .computing import Picture, pictures
+from .view import View
+
+
+class GivenUp(Exception):
+    """Another view is wanted, or none any more."""
+
+
+class Worker:
+    """Computes one view at a time; a new one replaces what is under way."""
+
+    def __init__(self, catalogues: Catalogues, show: Callable[[Picture], None],
+                 is_wanted: Callable[[], bool]) -> None:
+        self._catalogues = catalogues
+        self._show = show
+        self._is_wanted = is_wanted
+        self._changed = threading.Condition()
+        self._view: View | None = None
+        self._number = 0
+        self._stopped = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def ask(self, view: View) -> None:
+        """Compute this view from now on."""
+        with self._changed:
+            self._view = view
+            self._number += 1
+            self._changed.notify()
+
+    def stop(self) -> None:
+        """Give up what is under way, and end the thread."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify()
+
+    def join(self, seconds: float) -> bool:
+        """Wait for the end of the thread; tell whether it has come."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        number = 0
+        while True:
+            with self._changed:
+                while not self._stopped and self._number == number:
+                    self._changed.wait()
+                if self._stopped:
+                    return
+                view, number = self._view, self._number
+            assert view is not None
+
+            def check(number: int = number) -> None:
+                if self._stopped or number != self._number or not self._is_wanted():
+                    raise GivenUp
+
+            try:
+                for picture in pictures(view, self._catalogues, check):
+                    check()
+                    self._show(picture)
+            except GivenUp:
+                continue
+            except Exception:
+                # One view that fails must not leave the page without its thread.
+                traceback.print_exc()

@@ -1,0 +1,135 @@
+"""Computing a view: the same labels as the tools, given up at once, remembered by parameters."""
+
+from collections.abc import Iterator
+import threading
+
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.explorer.catalogues import Catalogues
+from gear_rattle_ros.explorer.computing import Picture, pictures
+from gear_rattle_ros.explorer.painting import Colours, legend, paint
+from gear_rattle_ros.explorer.trajectory import follow
+from gear_rattle_ros.explorer.view import CAP, View
+from gear_rattle_ros.explorer.worker import Worker
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.search import find_attractors, settle
+
+
+def until(view: View, cells: int) -> Picture:
+    """Compute a view up to a level."""
+    for picture in pictures(view, Catalogues(), lambda: None):
+        if picture.cells >= cells and picture.done == 1.0:
+            return picture
+    raise AssertionError('it has ended before')
+
+
+def keys(picture: Picture) -> np.ndarray:
+    """Name the attractor of every start."""
+    colours = Colours().followed(picture.known)
+    return np.array([[colours.names[int(label)] for label in row] for row in picture.labels])
+
+
+@pytest.mark.parametrize(('alpha', 'displacement'), [(0.48, 0.0), (0.57, -0.4)])
+def test_labels_are_those_of_a_search_of_its_own(alpha: float, displacement: float) -> None:
+    """Cell by cell on 50 x 50, chaotic attractors included."""
+    parameters, plane = Parameters(alpha=alpha), Plane(displacement, phases=50, velocities=50)
+    for picture in pictures(View(parameters, displacement), Catalogues(), lambda: None):
+        if picture.cells == 50 and picture.known.is_complete:
+            break
+    catalogue = find_attractors(
+        parameters, plane.random_starts(parameters, 300, 8), hold=20_000)
+    theirs = settle(plane.starts(parameters, slice(0, 50), slice(0, 50)), CAP, catalogue.table())
+    periodic = [orbit.key for orbit in catalogue.orbits]
+    names = [*periodic, *('chaos' for _ in catalogue.chaotic)]
+    expected = np.array([names[label] if label >= 0 else 'none' for label in theirs['label']])
+    ours = np.array([name if name in periodic else 'chaos' for name in keys(picture).ravel()])
+    assert np.mean(ours == expected) > 0.999
+    is_orbit = np.isin(expected, periodic) & (ours == expected)
+    assert np.array_equal(picture.lifetimes.ravel()[is_orbit], theirs['lifetime'][is_orbit])
+
+
+def test_a_level_stands_in_for_the_next() -> None:
+    """At a deep window whose starts agree, finer levels say the same as the coarse one."""
+    picture = until(View(phase=(1.0, 1.0 + 1e-9), velocity=(0.5, 0.5 + 1e-9)), 200)
+    assert len(np.unique(picture.labels)) == 1
+
+
+def test_what_is_given_up_stops_between_strips() -> None:
+    """The check is asked before anything long begins, and its exception comes through."""
+    class Enough(Exception):
+        pass
+
+    asked = []
+
+    def check() -> None:
+        asked.append(1)
+        if len(asked) > 6:
+            raise Enough
+
+    with pytest.raises(Enough):
+        for _ in pictures(View(Parameters(alpha=1.0)), Catalogues(), check):
+            pass
+
+
+def test_worker_shows_the_last_view_and_ends() -> None:
+    """Of many views in a row the last is computed to the end; a stopped thread ends."""
+    shown: list[Picture] = []
+    fine = threading.Event()
+
+    def show(picture: Picture) -> None:
+        shown.append(picture)
+        if picture.view.displacement == -0.5 and picture.cells >= 100:
+            fine.set()
+
+    worker = Worker(Catalogues(), show, lambda: True)
+    for displacement in np.linspace(0.0, -0.5, 11):
+        worker.ask(View(displacement=float(displacement)))
+    assert fine.wait(60.0)
+    worker.stop()
+    assert worker.join(10.0)
+    assert shown[-1].view.displacement == -0.5
+    assert sum(picture.cells >= 100 for picture in shown
+               if picture.view.displacement != -0.5) == 0
+
+
+def test_worker_does_nothing_for_a_page_that_has_gone() -> None:
+    """A tab that is closed gets no pictures."""
+    shown: list[Picture] = []
+    worker = Worker(Catalogues(), shown.append, lambda: False)
+    worker.ask(View())
+    worker.stop()
+    assert worker.join(60.0)
+    assert shown == []
+
+
+@pytest.fixture(scope='module')
+def resting() -> Iterator[Picture]:
+    """Return a picture whose starts all come to rest on the upper wall."""
+    yield until(View(Parameters(alpha=0.05, gamma=0.2)), 50)
+
+
+def test_rest_has_colour_and_words(resting: Picture) -> None:
+    """Where nothing but rest is left there is one colour, and the legend names it."""
+    colours = Colours().followed(resting.known)
+    assert len(np.unique(resting.labels)) == 1
+    assert UNRESOLVED not in resting.labels
+    assert 'at rest, upper wall' in legend(resting, colours)
+    assert '100.0 %' in legend(resting, colours)
+    assert paint(resting, colours).shape == (50, 50, 4)
+
+
+def test_trajectory_is_that_of_the_simulation() -> None:
+    """Impacts of a clicked point are those of the live simulator, to the bit; walls hold."""
+    parameters = Parameters(alpha=1.244)
+    trajectory = follow(parameters, 3.0 - 20.0 * np.pi, -0.25, 0.7)
+    events = Simulation(parameters, State(0, (3.0 - 20.0 * np.pi) % (2.0 * np.pi), -0.25,
+                                          0.7)).advance(10_000, 0.0, 401)
+    assert np.array_equal(trajectory.velocities, events['velocity'][1:][:len(
+        trajectory.velocities)])
+    assert np.all((trajectory.displacement >= -1.0 - 1e-12) & (trajectory.displacement <= 1e-12))
+    assert trajectory.periods[0] == pytest.approx(3.0 / (2.0 * np.pi))
+    assert np.all(np.diff(trajectory.periods) >= -1e-12)
