@@ -25,7 +25,7 @@ from .grid import Plane, TWO_PI
 from .store import Axis, Layout, make_store, Store, Variable
 from ..core.closed_orbits import PeriodicOrbit, same_orbit
 from ..core.model import Parameters
-from ..core.periodic import record_impacts
+from ..core.recorded import record_impacts
 
 # Trajectories followed at once.
 BATCH: Final = 64
