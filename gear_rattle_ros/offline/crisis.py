@@ -45,7 +45,7 @@ from ..core.model import Parameters
 PAPER: Final = 1.2347058
 PAPER_BRACKET: Final = (1.230, 1.244)
 # Before the crisis trajectories last for ever; they are watched over so many impacts each.
-BEFORE: Final = 300_000
+BEFORE: Final = 100_000
 
 
 def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
@@ -209,8 +209,8 @@ def main(arguments: list[str] | None = None) -> int:
                         'timed [1]; 4e-6 4e-4 by default')
     parser.add_argument('--rates', type=whole(4), default=20, metavar='N',
                         help='amplitudes at which they are; 20 by default')
-    parser.add_argument('--escapes', type=whole(16), default=120, metavar='N',
-                        help='timed at each; 120 by default')
+    parser.add_argument('--escapes', type=whole(16), default=80, metavar='N',
+                        help='timed at each; 80 by default')
     parser.add_argument('--skip', type=whole(0), default=300, metavar='N',
                         help='escapes before this say nothing [impacts]; 300 by default')
     parser.add_argument('--limit', type=whole(1000), default=50_000_000, metavar='N',

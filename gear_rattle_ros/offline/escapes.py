@@ -68,7 +68,7 @@ class Escapes:
 
     @property
     def starts(self) -> int:
-        """Starts of a part: all lanes are in use until the last escape."""
+        """Number of starts of a part, so many that all lanes are in use to the last escape."""
         return 2 * self.wanted_of_part + LANES
 
     @property

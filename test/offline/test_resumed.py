@@ -1,0 +1,87 @@
+"""Diagrams, continuation and the crisis are the same after Ctrl-C, and from a cluster."""
+
+from pathlib import Path
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from gear_rattle_ros.offline import continuation, crisis, orbit_diagram
+from gear_rattle_ros.offline.store import Store, StoreError
+
+MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
+         'crisis': crisis.main}
+# Options, tiles, and what is compared.
+TOOLS = {
+    'orbit_diagram': ('--alpha 0.48 0.52 --columns 64 --bins 300 --trajectories 32 --skip 3000 '
+                      '--keep 512', 24, ('count', 'exponent', 'end_state', 'attractor')),
+    'continuation': ('--alpha 0.5 0.54 --columns 64 --trajectories 32 --hold 1000 --tolerance '
+                     '1e-3', 8, ('count', 'share', 'event_alpha')),
+    'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48, ('lifetime', 'fate',
+                                                                  'escape_rate')),
+}
+
+
+def same_contents(name, one, other):
+    """Compare what two stores hold."""
+    for variable in TOOLS[name][2]:
+        a, b = (Store(path).read_all(variable) for path in (one, other))
+        assert np.array_equal(a, b, equal_nan=a.dtype.kind == 'f'), variable
+
+
+def interrupted(command, path, tiles):
+    """Run a process until some tiles are done, press Ctrl-C, return what it says last."""
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                               text=True)
+    deadline = time.monotonic() + 300.0
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            if len(Store(path).pending()) < tiles:
+                break
+        except (StoreError, ValueError):
+            pass
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert 'Traceback' not in said
+    return said.strip().splitlines()[-1]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('name', list(TOOLS))
+def test_ctrl_c_and_resume_change_nothing(name, tmp_path, capsys):
+    """A real process is interrupted; what it says to type finishes the same store."""
+    options, tiles, _ = TOOLS[name]
+    path, whole = tmp_path / 'a.zarr', tmp_path / 'b.zarr'
+    line = interrupted([sys.executable, '-m', 'gear_rattle_ros.start', name,
+                        *shlex.split(options), '--threads', '1', '--output', str(path)],
+                       path, tiles)
+    pending = Store(path).pending()
+    assert 0 < len(pending) < tiles
+    assert f'{name}: stopped; {tiles - len(pending)} of {tiles} tiles are kept in {path}' in line
+    words = shlex.split(line.split('go on with: ')[1])
+    assert words[:4] == ['ros2', 'run', 'gear_rattle_ros', name] and words[-1] == '--resume'
+    assert MAINS[name](words[4:]) == 0
+    assert MAINS[name]([*shlex.split(options), '--output', str(whole)]) == 0
+    same_contents(name, path, whole)
+
+
+@pytest.mark.long
+def test_a_cluster_gives_the_same(tmp_path):
+    """Two worker processes of a real cluster do the tiles of all three tools."""
+    distributed = pytest.importorskip('distributed')
+    with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
+            dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
+        for name, (options, _, _) in TOOLS.items():
+            here, there = (Path(tmp_path / f'{name}-{place}.zarr') for place in ('a', 'b'))
+            words = shlex.split(options)
+            assert MAINS[name]([*words, '--output', str(here)]) == 0
+            assert MAINS[name]([*words, '--output', str(there), '--cluster',
+                                cluster.scheduler_address]) == 0
+            same_contents(name, here, there)
