@@ -84,6 +84,7 @@ setup(
         'mcap>=1.2',
         'numba>=0.58',
         'numpy>=1.26',
+        'pillow',
         'pyyaml',
         'rerun-sdk',
         'rich',

@@ -15,6 +15,7 @@ import json
 from pathlib import Path
 import re
 import shlex
+import textwrap
 import time
 from typing import Any, Final
 
@@ -161,10 +162,15 @@ def make(recipe: Recipe, folder: Path) -> int:
     with contextlib.redirect_stdout(printed):
         status = int(tool.main(words[1:]) or 0)
     if status == 0:
-        record = {'command': shlex.join(['ros2', 'run', PACKAGE, *words]),
-                  'printed': printed.getvalue(), 'seconds': round(time.monotonic() - begin, 1),
-                  'versions': versions()}
-        _record(recipe, folder).write_text(json.dumps(record, indent=1), encoding='utf-8')
+        command, seconds = shlex.join(['ros2', 'run', PACKAGE, *words]), time.monotonic() - begin
+        path = _record(recipe, folder)
+        before = json.loads(path.read_text(encoding='utf-8')) if path.exists() else {}
+        if before.get('command') == command:
+            # It went on with the store of an earlier run.
+            seconds += before['seconds']
+        path.write_text(json.dumps({
+            'command': command, 'printed': printed.getvalue(), 'seconds': round(seconds, 1),
+            'versions': versions()}, indent=1), encoding='utf-8')
     return status
 
 
@@ -207,6 +213,72 @@ def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
     return page
 
 
+def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
+    """
+    Write the same as a page of the documents, with small pictures beside it.
+
+    Parameters
+    ----------
+    recipes : dict
+        All recipes.
+    folder : Path
+        Where the figures are.
+    page : Path
+        The Markdown file; pictures go into a folder of its name.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    ValueError
+        If a figure has not been made.
+
+    """
+    from .figures_style import shrink
+    small = page.with_suffix('')
+    parts = [HEAD.format(page=page)]
+    for recipe in recipes.values():
+        picture = folder / f'figure-{recipe.figure}.png'
+        if not _record(recipe, folder).exists() or not picture.exists():
+            raise ValueError(f'{picture} has not been made; run: figures {recipe.figure}')
+        record = json.loads(_record(recipe, folder).read_text(encoding='utf-8'))
+        small.mkdir(parents=True, exist_ok=True)
+        shrink(picture, small / picture.name)
+        printed = [line.rstrip() for line in record['printed'].strip().splitlines()
+                   if f'{folder}/' not in line]
+        numbers = ['```text', *printed, '```', ''] if printed else []
+        parts += [
+            f'## Figure {recipe.figure}: {recipe.title}', '',
+            f'![{recipe.title}]({small.name}/{picture.name})', '',
+            *_filled(f'**The paper.** {recipe.paper} *{recipe.known}*'), '',
+            *_filled(f'**Ours {AGREES[recipe.agrees]}.** {recipe.finding}'), '',
+            *_filled(f'`figures {recipe.figure}` took {record["seconds"]:.0f} s and ran'), '',
+            '```sh', *textwrap.wrap(' '.join(recipe.command), 95, break_on_hyphens=False,
+                                    subsequent_indent='    '), '```', '', *numbers]
+    page.write_text('\n'.join(parts).rstrip() + '\n', encoding='utf-8')
+    return page
+
+
+def _filled(text: str) -> list[str]:
+    return textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False)
+
+
+HEAD: Final = """# Figures of the paper, redrawn
+
+Basins of attraction and transient chaos in a gear-rattling model (de Souza & Caldas, 2001): of
+each figure what the paper's shows, in our own words and as far as it is known to us, what is found
+here, the command that makes ours, and what it prints. The displacement of the plane of initial
+conditions, which the text of the paper does not state, is s = 0 here, and -0.5 in figure 10.
+
+This page and its pictures, which are smaller than those made, are written by
+
+```sh
+make figures ARGS="--page {page}"
+```
+"""
 PAGE: Final = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Figures of de Souza &amp; Caldas, redrawn</title>
 <style>
@@ -223,7 +295,8 @@ h2 span { font-size: .8rem; padding: .15rem .5rem; border-radius: .6rem; color: 
 <p>Basins of attraction and transient chaos in a gear-rattling model, Journal of Vibration and
 Control 7. Of each figure: what the paper's shows, in our own words and as far as it is known to
 us; what is found here; the command that makes ours and the numbers it prints. The displacement
-of the plane of initial conditions, which the text of the paper does not state, is s = 0 here.</p>
+of the plane of initial conditions, which the text of the paper does not state, is s = 0 here,
+and -0.5 in figure 10.</p>
 @
 </html>
 """
@@ -256,14 +329,17 @@ def _run(arguments: list[str] | None) -> int:
                         help='folder of pictures, data and index.html; figures by default')
     parser.add_argument('--recipes', type=Path, metavar='DIR',
                         help='folder of recipes; those of the package by default')
+    parser.add_argument('--page', type=Path, metavar='FILE.md',
+                        help='write all as a page of the documents too, with smaller pictures')
     given = parser.parse_args(arguments)
     recipes = load_recipes(given.recipes or config_folder('figures'))
     chosen = given.figures or list(recipes)
     for name in chosen:
         if name not in recipes:
             raise ValueError(f'no figure {name}; there are {", ".join(recipes)}')
-    for name in chosen:
-        print(f'figures: {name}, {recipes[name].title} ...', flush=True)
+    for number, name in enumerate(chosen, 1):
+        print(f'figures: {name}, {recipes[name].title} ({number} of {len(chosen)}) ...',
+              flush=True)
         try:
             status = make(recipes[name], given.output)
         except KeyboardInterrupt:
@@ -271,6 +347,8 @@ def _run(arguments: list[str] | None) -> int:
         if status:
             return status
     print(f'figures: {write_index(recipes, given.output)}')
+    if given.page is not None:
+        print(f'figures: {write_page(recipes, given.output, given.page)}')
     return 0
 
 

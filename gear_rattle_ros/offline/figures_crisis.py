@@ -5,7 +5,7 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from .crisis import PAPER
-from .figures_style import add_axes, GREY, hue, new_figure
+from .figures_style import add_axes, GREY, hue, new_figure, thousands
 from .store import Store
 
 WIDTH, HEIGHT = 900, 640
@@ -42,6 +42,7 @@ def draw_law(store: Store) -> Figure:
               color=hue(1), label=f'law with alpha_c = {a["law_alpha_c"]:.7f} ± '
               f'{a["law_alpha_c_error"]:.1g} and exponent {a["law_exponent"]:.2f} ± '
               f'{a["law_exponent_error"]:.2f}, all fitted')
+    # Anchored at the middle of the rates.
     middle = np.exp(np.mean(np.log(rates[some] * beyond[some]**-a['tangency_exponent'])))
     axes.plot(x, 1.0 / (middle * x**a['tangency_exponent']), '--', color=GREY,
               label=f'slope {a["tangency_exponent"]:.3f} of the homoclinic tangency')
@@ -49,7 +50,7 @@ def draw_law(store: Store) -> Figure:
     axes.set_xlabel(f'alpha − {a["tangency_alpha"]:.8f} [1]   (tangency of the manifolds)',
                     fontsize=12)
     axes.set_ylabel('mean lifetime of the transient [impacts]', fontsize=12)
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    axes.yaxis.set_major_formatter(FuncFormatter(thousands))
     axes.grid(which='both', color='#e8e8e8', linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(loc='lower left', fontsize=10, framealpha=0.95)

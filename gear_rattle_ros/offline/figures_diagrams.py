@@ -9,7 +9,18 @@ from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
-from .figures_style import add_axes, equalise, FloatArray, GREY, hue, HUES, new_figure, shade
+from .figures_style import (
+    add_axes,
+    equalise,
+    FloatArray,
+    GREY,
+    hue,
+    HUES,
+    new_figure,
+    shade,
+    VELOCITY_LABEL,
+    widened,
+)
 from .store import Store
 
 # Margins of a picture [pixels].
@@ -18,8 +29,6 @@ LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
 WIDTH, HEIGHT, EXPONENT_HEIGHT = 780, 450, 190
 # All rasters together are at most about so high [pixels].
 TALLEST: Final = 1100
-# A line one bin thick is widened by its neighbours at this strength.
-HALO: Final = 0.45
 # A legend has room for so many attractors.
 LEGEND_MOST: Final = 6
 # An attractor in fewer columns than this share is not in the legend.
@@ -115,15 +124,13 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
         with np.errstate(divide='ignore'):
             level = np.log(own / np.maximum(1.0, own.sum(axis=1, keepdims=True)))
         share = equalise(np.exp(np.round(10.0 * level) / 10.0)).T
-        halo = HALO * share
-        share[1:] = np.maximum(share[1:], halo[:-1])
-        share[:-1] = np.maximum(share[:-1], halo[1:])
+        share = widened(share)
         above = share > strength
         picture[above] = shade(hue(int(number)), share)[above]
         strength[above] = share[above]
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
                 extent=_extent(alphas, velocities))
-    axes.set_ylabel("velocity before impact, s' [1]", fontsize=12)
+    axes.set_ylabel(VELOCITY_LABEL, fontsize=12)
 
 
 def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:

@@ -6,7 +6,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
 
-from .figures_style import add_axes, equalise, GREY, hue, new_figure, phase_ticks, shade
+from .figures_style import (
+    add_axes,
+    equalise,
+    GREY,
+    hue,
+    new_figure,
+    phase_ticks,
+    shade,
+    VELOCITY_LABEL,
+    widened,
+)
 from .store import Store
 
 LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
@@ -32,10 +42,10 @@ def draw_section(store: Store) -> Figure:
     width, height = counts.shape[2], counts.shape[1]
     figure = new_figure(LEFT + width + RIGHT, BOTTOM + height + TOP)
     axes = add_axes(figure, LEFT, BOTTOM, width, height)
-    wandering = counts[1]
+    share = widened(equalise(counts[1]))
     picture = np.ones((height, width, 3))
-    some = wandering > 0.0
-    picture[some] = shade(hue(0), equalise(wandering))[some]
+    some = share > 0.0
+    picture[some] = shade(hue(0), share)[some]
     low, high = a['velocity_window']
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
                 extent=(0.0, 2.0 * math.pi, low, high))
@@ -44,7 +54,7 @@ def draw_section(store: Store) -> Figure:
     axes.axhline(0.0, color=GREY, linewidth=0.6)
     axes.text(0.01, 0.985, 'upper wall', transform=axes.transAxes, va='top', color=GREY)
     axes.text(0.01, 0.015, 'lower wall', transform=axes.transAxes, color=GREY)
-    axes.set_ylabel("velocity before impact, s' [1]", fontsize=12)
+    axes.set_ylabel(VELOCITY_LABEL, fontsize=12)
     phase_ticks(axes, (0.0, 2.0 * math.pi))
     handles = []
     if some.any():

@@ -8,16 +8,23 @@ from typing import Final
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MultipleLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 FloatArray = npt.NDArray[np.float64]
 DPI: Final = 100
 # Hues of attractors, told apart by the colour-blind too (Okabe & Ito), as dark as on paper.
 HUES: Final = ('#0a5a9c', '#c2410c', '#04724d', '#8a2c76', '#8a6100', '#2f2f2f')
 PALE: Final = 0.14
+# A line one pixel thick is widened upwards and downwards at this strength.
+HALO: Final = 0.45
+# Copies of pictures are so wide [pixels], in so many colours.
+SMALL: Final = 600
+COLOURS: Final = 48
 GREY: Final = '#606060'
+VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
 
@@ -64,27 +71,30 @@ def add_axes(figure: Figure, left: int, bottom: int, width: int, height: int) ->
     return axes
 
 
-def save(figure: Figure, path: Path) -> None:
+def shrink(picture: Path, small: Path) -> None:
     """
-    Write a picture.
+    Write a smaller copy of a picture, in few colours.
 
     Parameters
     ----------
-    figure : Figure
+    picture : Path
         The picture.
-    path : Path
-        Where to; its ending says the format.
+    small : Path
+        The copy, `SMALL` pixels wide at the most.
 
     Raises
     ------
-    OSError, ValueError
-        If it cannot be written, or the format is not known.
+    OSError
+        If one cannot be read or written.
 
     """
-    figure.savefig(path, dpi=DPI)
+    with Image.open(picture) as whole:
+        copy = whole.convert('RGB')
+        copy.thumbnail((SMALL, SMALL * 2), Image.Resampling.LANCZOS)
+        copy.quantize(COLOURS).save(small, optimize=True)
 
 
-def phase_ticks(axes: Axes, window: tuple[float, float]) -> None:
+def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None:
     """
     Mark the phase axis in fractions of pi, or in plain numbers where the window is narrow.
 
@@ -94,15 +104,36 @@ def phase_ticks(axes: Axes, window: tuple[float, float]) -> None:
         Whose horizontal axis it is.
     window : tuple of float
         What it shows [rad].
+    size : int
+        Of the label [points].
 
     """
-    axes.set_xlabel(PHASE_LABEL, fontsize=12)
+    axes.set_xlabel(PHASE_LABEL, fontsize=size)
     for parts in (2, 4, 8, 16):
         if (window[1] - window[0]) >= 2.5 * math.pi / parts:
             axes.xaxis.set_major_locator(MultipleLocator(math.pi / parts))
             axes.xaxis.set_major_formatter(FuncFormatter(
                 functools.partial(_tick_in_pi, parts)))
             return
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+
+
+def thousands(value: float, _: int | None = None) -> str:
+    """
+    Write a count with its thousands apart.
+
+    Parameters
+    ----------
+    value : float
+        The count [1].
+
+    Returns
+    -------
+    str
+        Such as 10,000.
+
+    """
+    return f'{value:,.0f}'
 
 
 def in_pi(value: float, parts: int) -> str:
@@ -196,6 +227,27 @@ def equalise(counts: npt.ArrayLike) -> FloatArray:
     if not len(some):
         return np.zeros(array.shape)
     return np.searchsorted(some, array, 'right') / len(some)
+
+
+def widened(share: FloatArray) -> FloatArray:
+    """
+    Widen lines one pixel thick, which are hard to see.
+
+    Parameters
+    ----------
+    share : ndarray of float, shape (rows, columns)
+        Shades.
+
+    Returns
+    -------
+    ndarray of float, shape (rows, columns)
+        Each pixel shines on those above and below it.
+
+    """
+    halo, wide = HALO * share, share.copy()
+    wide[1:] = np.maximum(wide[1:], halo[:-1])
+    wide[:-1] = np.maximum(wide[:-1], halo[1:])
+    return wide
 
 
 _MIX = np.array([[0.4122214708, 0.5363325363, 0.0514459929],

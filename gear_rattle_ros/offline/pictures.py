@@ -49,7 +49,9 @@ def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[A
 
     """
     figure, axes = _new(title)
-    shown = [each for each in attractors if np.any(labels == each.label)]
+    # By key, not by share: its colour does not change where another basin becomes the larger.
+    shown = sorted((each for each in attractors if np.any(labels == each.label)),
+                   key=lambda each: each.key)
     colours = [UNKNOWN, *_colours(len(shown))]
     numbers = np.zeros(labels.shape, np.int64)
     for number, each in enumerate(shown, 1):

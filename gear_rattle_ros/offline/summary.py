@@ -13,11 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MultipleLocator
+from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
 from .digest import Digest, digest_of, in_words, RowArray
+from .figures_style import GREY, phase_ticks, thousands, VELOCITY_LABEL
 from ..bags import Bag, BagError
 from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
@@ -34,7 +35,7 @@ LINES_MOST: Final = 20
 MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
 MAP_END: Final = 0.75
-BLUE, GREEN, VIOLET, ORANGE, GREY = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e', '#808080'
+BLUE, GREEN, VIOLET, ORANGE = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e'
 
 
 def draw(digest: Digest, name: str) -> Figure:
@@ -116,10 +117,8 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
         c=_colours(points, norm), rasterized=True)
     share = 'every impact' if len(points) == digest.impacts else f'{len(points):,} impacts'
     axes.set_title(f'Section: {share}, coloured by alpha')
-    axes.set(xlim=(0.0, TWO_PI), xlabel='drive phase tau mod 2π [rad]',
-             ylabel="velocity before the impact s' [1]")
-    axes.xaxis.set_major_locator(MultipleLocator(math.pi / 2))
-    axes.xaxis.set_major_formatter(FuncFormatter(_in_pi))
+    axes.set(xlim=(0.0, TWO_PI), ylabel=VELOCITY_LABEL)
+    phase_ticks(axes, (0.0, TWO_PI), size=10)
     axes.axhline(0.0, color=GREY, linewidth=0.6)
     # Room for the legend above the points.
     low, high = _spread(points['velocity'])
@@ -366,9 +365,5 @@ def _broken(rows: RowArray, name: str) -> npt.NDArray[np.float64]:
     return np.insert(values, np.flatnonzero(np.diff(rows['epoch'])) + 1, math.nan)
 
 
-def _in_pi(value: float, _: int | None) -> str:
-    return {0: '0', 1: 'π/2', 2: 'π', 3: '3π/2', 4: '2π'}.get(round(value / (math.pi / 2)), '')
-
-
 def _count_axis(axes: Axes) -> None:
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    axes.xaxis.set_major_formatter(FuncFormatter(thousands))

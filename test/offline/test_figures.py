@@ -85,6 +85,30 @@ def test_the_page_shows_every_figure_with_its_command(drawn):
     assert 'Small &amp; quick' in page and '&lt;none&gt;' in page
 
 
+def test_a_page_of_the_documents_has_small_pictures_and_the_commands(drawn, tmp_path):
+    page = tmp_path / 'figures.md'
+    assert main(['3', '--recipes', str(drawn.parent / 'recipes'), '--output', str(drawn),
+                 '--page', str(page)]) == 0
+    text = page.read_text()
+    assert f'--page {page}' in text and 'orbit-3-1-U4.0915+0.6273' in text
+    assert max(map(len, text.splitlines())) < 200
+    for figure, command in COMMANDS.items():
+        assert f'(figures/figure-{figure}.png)' in text
+        assert command.split(' --output')[0] in text.replace('\n    ', ' ')
+        small = imread(tmp_path / 'figures' / f'figure-{figure}.png')
+        whole = imread(drawn / f'figure-{figure}.png')
+        assert small.shape[1] == min(600, whole.shape[1])
+        assert small.shape[0] / small.shape[1] == pytest.approx(
+            whole.shape[0] / whole.shape[1], abs=0.01)
+
+
+def test_a_page_of_figures_that_were_not_made_is_refused(tmp_path, drawn, capsys):
+    recipes = str(drawn.parent / 'recipes')
+    assert main(['3', '--recipes', recipes, '--output', str(tmp_path / 'none'), '--page',
+                 str(tmp_path / 'y.md')]) == 2
+    assert 'has not been made' in capsys.readouterr().err
+
+
 def test_equalised_counts_use_all_shades_in_order():
     counts = np.array([0, 5, 1, 1, 100, 0])
     assert list(equalise(counts)) == [0.0, 0.75, 0.5, 0.5, 1.0, 0.0]

@@ -21,8 +21,8 @@ TOOLS = {
                       '--keep 512', 24, ('count', 'exponent', 'end_state', 'attractor')),
     'continuation': ('--alpha 0.5 0.54 --columns 64 --trajectories 32 --hold 1000 --tolerance '
                      '1e-3', 8, ('count', 'share', 'event_alpha')),
-    'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48, ('lifetime', 'fate',
-                                                                  'escape_rate')),
+    'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48,
+               ('lifetime', 'fate', 'escape_rate')),
 }
 
 
