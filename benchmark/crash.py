@@ -1,12 +1,13 @@
 """
 What a killed recorder leaves behind: SIGKILL at random moments under load.
 
-The simulator publishes without pause; a recorder is killed 0.2 to 4 s after its first impacts, again
-and again. Every impact that was sent more than a second before the kill must be in the bag it leaves,
-without a hole and bit for bit what follows from the one before, and `recover` must make of it a
-bag with an index and the same impacts. Exit status 1 if not. A reader beside it that does nothing
-shows whether the machine lets anybody read in time; if it does not, how old the lost impacts are
-is told, not judged. Run: make bench, or python benchmark/crash.py [kills [drive periods per second]]
+The simulator publishes without pause; a recorder is killed 0.2 to 4 s after its first impacts,
+again and again. Every impact that was sent more than a second before the kill must be in the bag it
+leaves, without a hole and bit for bit what follows from the one before, and `recover` must make of
+it a bag with an index and the same impacts. Exit status 1 if not. A reader beside it that does
+nothing shows whether the machine lets anybody read in time; if it does not, how old the lost
+impacts are is told, not judged.
+Run: make bench, or python benchmark/crash.py [kills [drive periods per second]]
 """
 
 from collections.abc import Mapping
@@ -121,9 +122,11 @@ def kill_one(witness: Witness, directory: Path, pause: float) -> tuple[str, str]
     batches = sum(1 for _ in Bag(bag).messages(['/impacts']))
     is_whole = not fault and not succession.holes and again == batches
     late = witness.lateness(killed - 5_000_000_000)
-    verdict = 'kept' if is_whole and last >= needed else \
-        f'not judged, the reader beside it was {late:.2f} s late' if is_whole and late > LATE else \
-        'BROKEN'
+    verdict = 'BROKEN'
+    if is_whole and last >= needed:
+        verdict = 'kept'
+    elif is_whole and late > LATE:
+        verdict = f'not judged, the reader beside it was {late:.2f} s late'
     return (f'{succession.events:8d} events whole, the oldest impact lost was sent {lost:.2f} s '
             f'before the kill{"; " + fault if fault else ""}'
             f'{f"; {len(succession.holes)} holes" if succession.holes else ""}'
