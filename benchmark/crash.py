@@ -2,9 +2,9 @@
 What a killed recorder leaves behind: SIGKILL at random moments under load.
 
 The simulator publishes without pause; a recorder is killed 0.2 to 4 s after its first impacts,
-again and again. Every impact that was sent more than a second before the kill must be in the bag it
-leaves, without a hole and bit for bit what follows from the one before, and `recover` must make of
-it a bag with an index and the same impacts. Exit status 1 if not. A reader beside it that does
+again and again. Every impact that was sent more than a second before the kill must be in the bag
+it leaves, without a hole and bit for bit what follows from the one before, and `recover` must make
+of it a bag with an index and the same impacts. Exit status 1 if not. A reader beside it that does
 nothing shows whether the machine lets anybody read in time; if it does not, how old the lost
 impacts are is told, not judged.
 Run: make bench, or python benchmark/crash.py [kills [drive periods per second]]

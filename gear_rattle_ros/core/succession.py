@@ -10,6 +10,7 @@ from .compiled import kernel
 from .flight import elapsed, FLYING
 from .model import EVENT, EventArray, EventKind
 from .simulation import run, settle, state_at, TRAJECTORY, write_event
+from .stream import Hole
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 FOLLOWS, DIFFERS, NUMBERING, BACKWARDS, OVERDUE, NOTHING = range(6)
@@ -18,51 +19,6 @@ FOLLOWS, DIFFERS, NUMBERING, BACKWARDS, OVERDUE, NOTHING = range(6)
 IMPACTS, KICKED, EPOCHS, WAS_KICKED, IN_NOISE, COUNTS = range(6)
 # Noise has not just begun with a kick so small, relative to the velocity.
 SMALLEST_KICK: Final = 4 * 2.0**-52
-
-
-@dataclasses.dataclass(frozen=True)
-class Hole:
-    """
-    Records that are missing.
-
-    Attributes
-    ----------
-    after, before : int
-        Number of the last impact in front of the hole, and of the first record behind it.
-    epoch_after, epoch_before : int
-        Their epochs.
-    lost : int or None
-        Impacts missing; None where the numbers begin anew in mid-run.
-
-    """
-
-    after: int
-    before: int
-    epoch_after: int
-    epoch_before: int
-    lost: int | None
-
-    def describe(self) -> str:
-        """
-        Put the hole in words.
-
-        Returns
-        -------
-        str
-            A clause.
-
-        """
-        if self.lost is None:
-            return (f'the numbers begin anew at impact {self.before}, epoch {self.epoch_before}, '
-                    f'behind impact {self.after}, epoch {self.epoch_after}')
-        if self.lost:
-            first, last = (self.after + 1) % 2**32, (self.after + self.lost) % 2**32
-            what = f'impacts {first} to {last} ({self.lost}) are missing'
-        else:
-            what = f'records behind impact {self.after} are missing'
-        if self.epoch_after == self.epoch_before:
-            return f'{what}, epoch {self.epoch_after}'
-        return f'{what}, epochs {self.epoch_after} to {self.epoch_before}'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -265,6 +221,8 @@ class Succession:
     ----------
     holes : list of Hole
         Where records are missing.
+    anew : list of Hole
+        Where the numbers begin anew in mid-run: what is missing is not known.
     runs : int
         Runs seen, each from its first reset on.
     events, flights : int
@@ -274,6 +232,7 @@ class Succession:
 
     def __init__(self) -> None:
         self.holes: list[Hole] = []
+        self.anew: list[Hole] = []
         self.runs = 0
         self.events = 0
         self.flights = 0
@@ -341,9 +300,12 @@ class Succession:
             before = last[0]
             counted = int(first['kind'] <= STICK)
             jump = (int(first['index']) - int(before['index']) - counted) % 2**32
-            self.holes.append(Hole(
-                int(before['index']), int(first['index']), int(before['epoch']),
-                int(first['epoch']), jump if jump < 2**31 else None))
+            ends = ((int(before['index']), int(before['epoch'])),
+                    (int(first['index']), int(first['epoch'])))
+            if jump < 2**31:
+                self.holes.append(Hole(*ends, jump))
+            else:
+                self.anew.append(Hole(*ends, 0))
         self.runs += int(is_new or last is None)
         self.events += 1
         self._counts[IMPACTS] += int(first['kind'] <= STICK)

@@ -11,7 +11,6 @@ from ..bags.metadata import file_names
 from ..bags.salvage import Damage, Salvage
 from ..core.model import EventArray
 from ..core.stream import StreamGuard
-from ..core.succession import Hole
 
 
 class Accounts:
@@ -21,8 +20,7 @@ class Accounts:
         self.events = 0
         self.first: tuple[int, int] | None = None
         self.last: tuple[int, int] | None = None
-        self.holes: list[Hole] = []
-        self._guard = StreamGuard()
+        self.guard = StreamGuard()
 
     def take(self, events: EventArray) -> None:
         """
@@ -34,15 +32,11 @@ class Accounts:
             The records.
 
         """
-        for piece in self._guard.split(events):
-            first = int(piece.events['index'][0]), int(piece.events['epoch'][0])
-            if self.last is not None and piece.reason in ('gap', 'restart') and first != (0, 0):
-                self.holes.append(Hole(
-                    self.last[0], first[0], self.last[1], first[1],
-                    piece.lost if piece.reason == 'gap' else None))
-            self.first = self.first or first
-            self.last = int(piece.events['index'][-1]), int(piece.events['epoch'][-1])
-            self.events += len(piece.events)
+        self.guard.split(events)
+        if len(events):
+            self.first = self.first or (int(events['index'][0]), int(events['epoch'][0]))
+            self.last = int(events['index'][-1]), int(events['epoch'][-1])
+            self.events += len(events)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +89,9 @@ class Recovery:
             lines.append(
                 f'{name}: {accounts.events} events, from impact {accounts.first[0]}, epoch '
                 f'{accounts.first[1]}, to impact {accounts.last[0]}, epoch {accounts.last[1]}')
-            lines += [f'{name}: {hole.describe()}' for hole in accounts.holes]
+            lines += [f'{name}: missing: {hole.describe()}' for hole in accounts.guard.holes]
+            if accounts.guard.restarts:
+                lines.append(f'{name}: the numbers begin anew {accounts.guard.restarts} times')
             if self.unclosed:
                 lines.append(f'{name}: what came behind impact {accounts.last[0]} is lost')
         return lines

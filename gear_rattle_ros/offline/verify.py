@@ -18,8 +18,8 @@ from ..bags import Bag, CloudDecoder
 from ..bags.small_messages import Named, read_diagnostics, read_joint_state
 from ..core.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
-from ..core.stream import StreamGuard
-from ..core.succession import Hole, Succession
+from ..core.stream import Hole, StreamGuard
+from ..core.succession import Succession
 
 # Batches looked at together.
 _GROUP: Final = 64
@@ -38,8 +38,8 @@ class Verdict:
         Estimates and reports that were found again, bit for bit.
     beyond : int
         Estimates and reports that rest on events which are not in the bag.
-    holes : tuple of Hole
-        Where records are missing.
+    holes, anew : tuple of Hole
+        Where records are missing, and where the numbers begin anew in mid-run.
     fault : str
         The first record or report that does not follow from the events before it, or empty.
     kernels : frozenset of str
@@ -61,6 +61,7 @@ class Verdict:
     transients: int
     beyond: int
     holes: tuple[Hole, ...]
+    anew: tuple[Hole, ...]
     fault: str
     kernels: frozenset[str]
     is_whole: bool
@@ -69,7 +70,7 @@ class Verdict:
     @property
     def is_verified(self) -> bool:
         """Whether there are events, all follow, and none is missing between them."""
-        return bool(self.events) and not self.fault and not self.holes
+        return bool(self.events) and not (self.fault or self.holes or self.anew)
 
     def describe(self) -> str:
         """
@@ -97,9 +98,13 @@ class Verdict:
             return f'not verified: {self.fault}{self._other_kernels()}'
         if not self.events:
             return 'not verified: there are no events'
-        lines = [f'not verified: {len(self.holes)} holes, what is between them follows: {seen}, '
-                 f'{again}{notes}; {end}']
-        return '\n'.join([*lines, *(f'  {hole.describe()}' for hole in self.holes)])
+        number = len(self.holes) + len(self.anew)
+        lines = [f'not verified: {number} {"hole" if number == 1 else "holes"}, what is between '
+                 f'them follows: {seen}, {again}{notes}; {end}']
+        lines += [f'  missing: {hole.describe()}' for hole in self.holes]
+        lines += [f'  the numbers begin anew at impact {hole.before[0]}, epoch {hole.before[1]}, '
+                  f'behind impact {hole.after[0]}, epoch {hole.after[1]}' for hole in self.anew]
+        return '\n'.join(lines)
 
     def _other_kernels(self) -> str:
         here = fingerprint()
@@ -163,6 +168,7 @@ def verify(path: Path, topic: str = '') -> Verdict:
         succession.events, succession.impacts, succession.kicked, succession.flights,
         succession.epochs, succession.runs, tallies[0].found, tallies[1].found,
         sum(tally.beyond for tally in tallies), tuple(succession.holes),
+        tuple(succession.anew),
         steps.fault or tallies[0].fault or tallies[1].fault, frozenset(kernels), bag.is_whole,
         time.monotonic() - began)
 

@@ -104,7 +104,7 @@ def test_flipped_bits_cost_the_chunk_they_are_in(bag: Path) -> None:
         # A chunk has ten clouds and ten states at the most.
         assert len(found) >= len(everything) - 20, place
         events = sum(len(batch) for batch in Bag(output).events())
-        lost = sum(hole.lost or 0 for hole in recovery.accounts['/impacts'].holes)
+        lost = recovery.accounts['/impacts'].guard.lost
         if found[0][1] == everything[0][1] and found[-1][1] == everything[-1][1]:
             # The retune is an event and no impact.
             assert 6001 - events - lost in (0, 1)

@@ -181,8 +181,8 @@ def test_holes_are_told_and_are_not_verified(
     assert main([str(tmp_path / 'bag')]) == 1
     first, *rest = capsys.readouterr().out.splitlines()
     assert 'not verified: 2 holes, what is between them follows' in first
-    assert rest == ['  impacts 1000 to 1399 (400) are missing, epoch 0',
-                    '  impacts 3000 to 3198 (199) are missing, epochs 0 to 1']
+    assert rest == ['  missing: 400 impacts, 1000 to 1399 (epoch 0)',
+                    '  missing: 199 impacts, 3000 to 3198 (epochs 0 to 1)']
 
 
 def test_noise_is_taken_as_recorded(tmp_path: Path) -> None:
