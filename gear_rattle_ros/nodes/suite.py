@@ -119,7 +119,8 @@ class Suite:
     def run(self) -> None:
         """Run from the first process to the last; everything is ended in any case."""
         self._stop.spinning = True
-        rclpy.init(args=self._ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=secured('suite', self._ros_arguments),
+                   signal_handler_options=SignalHandlerOptions.NO)
         monitor = Monitor(self._status)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(monitor)
@@ -169,7 +170,7 @@ class Suite:
             parameters = [
                 word for key, value in own[name].items()
                 for word in ('-p', f'{key}:={_yaml(value)}')]
-            arguments = self._ros_arguments or ['--ros-args']
+            arguments = secured(name, self._ros_arguments) or ['--ros-args']
             self._processes.start(name, [*arguments, *parameters])
 
     def _prepare_summary(self) -> None:
@@ -264,6 +265,19 @@ def _steps(options: argparse.Namespace) -> Sequence[Step]:
     if options.then is not None:
         return [Step({}, options.duration / 2.0), Step({'alpha': options.then}, 0.0)]
     return [Step({}, 0.0)]
+
+
+def enclave(name: str) -> str:
+    """Return the SROS 2 enclave of a node, as in config/sros2."""
+    return f'/gear_rattle_ros/{name}'
+
+
+def secured(name: str, ros_arguments: list[str]) -> list[str]:
+    """Return ROS arguments with the enclave of a node, where security is on."""
+    is_on = os.environ.get('ROS_SECURITY_ENABLE') == 'true'
+    if not is_on or '--enclave' in ros_arguments or '-e' in ros_arguments:
+        return ros_arguments
+    return [*(ros_arguments or ['--ros-args']), '--enclave', enclave(name)]
 
 
 def _command(name: str) -> str:
