@@ -8,7 +8,8 @@ from typing import Final
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
-from sensor_msgs.msg import JointState, PointCloud2, PointField
+import numpy.typing as npt
+from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from .core.model import EVENT, EventArray
@@ -66,6 +67,28 @@ def cloud_from_events(events: EventArray, stamp: Time) -> PointCloud2:
     # An array of bytes is moved, a numpy array would be copied element by element.
     cloud.data = array.array('B', points.tobytes())
     return cloud
+
+
+def cloud_from_records(records: npt.NDArray[np.void], stamp: Time) -> PointCloud2:
+    """Return a PointCloud2 with the fields of a packed little-endian record array."""
+    kinds = {'<f4': PointField.FLOAT32, '<f8': PointField.FLOAT64, '<i4': PointField.INT32,
+             '<u4': PointField.UINT32}
+    fields = [
+        PointField(name=name, offset=offset, datatype=kinds[dtype.str], count=1)
+        for name, (dtype, offset, *_) in (records.dtype.fields or {}).items()]
+    return PointCloud2(
+        header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=1, width=len(records),
+        fields=fields, is_bigendian=False, point_step=records.dtype.itemsize,
+        row_step=records.nbytes, is_dense=True, data=array.array('B', records.tobytes()))
+
+
+def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time) -> Image:
+    """Return an rgb8 Image of pixels of shape (height, width, 3), top row first."""
+    height, width, _ = pixels.shape
+    return Image(
+        header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=height, width=width,
+        encoding='rgb8', is_bigendian=0, step=3 * width,
+        data=array.array('B', pixels.tobytes()))
 
 
 def events_from_cloud(cloud: PointCloud2) -> EventArray:

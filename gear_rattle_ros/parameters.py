@@ -116,6 +116,21 @@ TRANSIENTS: Final = (
     Specification('tolerance', 1e-3, 'largest distance from an orbit in phase, velocity and '
                   'flight time', low=1e-9, high=0.1, read_only=True),
 )
+BASIN: Final = (
+    Specification('size', 800, 'edge of the finest picture; the first has 50, each next one twice '
+                  'as many', 'cells', 50, 4000, read_only=True),
+    Specification('plane', 'section', 'of the starts: section (on the wall they move into, so '
+                  'that every impact lies in its own basin) or displacement', '', read_only=True),
+    Specification('displacement', 0.0, 'of all starts, with plane = displacement', low=-1.0,
+                  high=0.0, read_only=True),
+    Specification('velocity_limit', 0.0, 'the plane has velocities up to this either way; 0 = to '
+                  'suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM, read_only=True),
+    Specification('cap', 20000, 'a start that has not settled then stays unresolved', 'impacts',
+                  100, 10000000, read_only=True),
+    Specification('threads', 2, 'that compute', 'threads', 1, 256, read_only=True),
+    Specification('niceness', 10, 'of these threads: 0 = as important as others, 19 = least', '',
+                  0, 19, read_only=True),
+)
 RECORDER: Final = (
     Specification('output', '', 'bag directory to make; empty = rosbag2_DATE-TIME here', '',
                   read_only=True),
@@ -155,6 +170,7 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'simulator': SIMULATOR,
     'lyapunov': LYAPUNOV,
     'transients': TRANSIENTS,
+    'basin': BASIN,
     'recorder': RECORDER,
     'replay': REPLAY,
     'teleop': TELEOP,

@@ -1,4 +1,4 @@
-"""Three named quality-of-service profiles, and how the stream is kept whole."""
+"""Named quality-of-service profiles, and how the stream is kept whole."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -16,6 +16,13 @@ STREAM = QoSProfile(
 # would drop the oldest batch in silence.
 STREAM_INPUT = QoSProfile(
     history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+# For those who want the newest batch alone: it is acknowledged at once, whoever reads it or not.
+NEWEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )

@@ -17,6 +17,7 @@ from typing import NoReturn
 # Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
 EXECUTABLES = {
     'attractors': 'offline.attractors',
+    'basin': 'nodes.basin',
     'basins': 'offline.basins',
     'continuation': 'offline.continuation',
     'crisis': 'offline.crisis',

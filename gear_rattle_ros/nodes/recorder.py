@@ -40,6 +40,8 @@ _TOPICS: Final = (
     ('lyapunov', JointState, STREAM_INPUT),
     ('transient', DiagnosticArray, _LATCHED_INPUT),
     ('basin', Image, _LATCHED_INPUT),
+    ('attractors', PointCloud2, _LATCHED_INPUT),
+    ('basin_state', DiagnosticArray, _LATCHED_INPUT),
     ('/diagnostics', DiagnosticArray, STREAM_INPUT),
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
     ('/clock', Clock, _CLOCK_INPUT),

@@ -40,17 +40,6 @@ def colours_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
     return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
 
 
-def nice_limit(largest: float, present: float) -> float:
-    """Return a round limit of an axis above a number; one that fits well enough stays."""
-    steps = [factor * 10.0**power for power in range(-9, 5) for factor in (1.0, 1.5, 2.0, 3.0,
-                                                                           5.0, 7.0)]
-    wanted = next((step for step in steps if step >= 1.05 * largest), steps[-1])
-    if present >= 1.0 * largest and present > 0.0:
-        shrunk = next((step for step in steps if step >= 1.3 * largest), steps[-1])
-        return min(present, shrunk)
-    return wanted
-
-
 def velocity_ticks(limit: float) -> tuple[list[str], list[tuple[float, float]]]:
     """Return labels at the left of the section and where they stand."""
     shares = (1.0, 0.5, 0.0, -0.5, -1.0)

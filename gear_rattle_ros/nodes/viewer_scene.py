@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from .scales import nice_limit
 from .viewer_axes import (
     colours_of,
     flight_axes,
     FLIGHT_PERIODS,
     HALF_HEIGHT,
-    nice_limit,
     section_axes,
     velocity_ticks,
 )

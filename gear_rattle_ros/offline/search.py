@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
-from ..core.chaos import box_sets, BoxSet
+from ..core.chaos import box_sets, BoxSet, THOROUGH, Tracing
 from ..core.classify import (
     BOXES,
     classify,
@@ -114,7 +114,7 @@ class Catalogue:
 
 def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: float = TOLERANCE,
                     hold: int = HOLD, chaotic: bool = True,
-                    threads: int | None = None) -> Catalogue:
+                    threads: int | None = None, tracing: Tracing = THOROUGH) -> Catalogue:
     """
     Find all attractors that some of the starts reach.
 
@@ -132,6 +132,8 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         Whether what is left is looked at for chaotic attractors.
     threads : int, optional
         How many; by default one for each processor.
+    tracing : Tracing
+        How much of chaotic attractors is looked at.
 
     Returns
     -------
@@ -175,7 +177,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
     left = np.flatnonzero(labels == UNRESOLVED)
     if not chaotic or not len(left):
         return plain
-    return _with_chaos(plain, starts, states[left], threads)
+    return _with_chaos(plain, starts, states[left], threads, tracing)
 
 
 def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = None
@@ -282,8 +284,8 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
 
 
 def _with_chaos(plain: Catalogue, starts: RecordArray, survivors: RecordArray,
-                threads: int | None) -> Catalogue:
-    sets, speed = box_sets(plain.parameters, survivors)
+                threads: int | None, tracing: Tracing) -> Catalogue:
+    sets, speed = box_sets(plain.parameters, survivors, tracing)
     sets = sorted(
         (found for found in sets if found.exponents.lambda_1
          > SIGNIFICANT * found.exponents.lambda_1_error), key=lambda found: found.key)[:SETS_MOST]

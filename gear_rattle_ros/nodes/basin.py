@@ -1,0 +1,344 @@
+"""The basins at the present parameters, coarse at once and finer while they stay."""
+
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+import os
+import queue
+import threading
+import time
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import numpy.typing as npt
+from rclpy.callback_groups import CallbackGroup
+from sensor_msgs.msg import Image, PointCloud2
+
+from .scales import nice_limit
+from .shell import run_node, ShellNode, StartError
+from ..core.chaos import exponents_of
+from ..core.classify import FLOATING, UNRESOLVED
+from ..core.model import Parameters
+from ..messages import (
+    cloud_from_records,
+    diagnostic_array,
+    events_from_cloud,
+    image_from_pixels,
+    nanoseconds_from_stamp,
+    stamp_from_nanoseconds,
+)
+from ..offline.attractors import Attractor, attractors_of, ENDS
+from ..offline.colours import colours_of, follow, painted, points_of, Trace
+from ..offline.grid import Plane
+from ..offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
+from ..parameters import BASIN
+from ..qos import LATCHED, NEWEST
+
+PLANES: Final = ('section', 'displacement')
+# The newest event is looked at so often [s].
+POLL: Final = 0.01
+# Parameters that have stayed so long have settled; until then there are coarse pictures only [s].
+SETTLED: Final = 0.05
+# The plane reaches so many times further than the fastest impact.
+ROOM: Final = 1.5
+POINT: Final = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<f4'),
+                         ('label', '<i4'), ('share', '<f4')])
+
+
+class Unwatched(CallbackGroup):
+    """What the executor does not wake up for: it is asked when there is time for it."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return no."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Return no."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Nothing was executed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """What is asked for: parameters, where in the stream they came, and when [s of wall time]."""
+
+    parameters: Parameters
+    epoch: int
+    stamp: int
+    since: float
+    # Whether the ones before had not settled.
+    is_passing: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What does not change."""
+
+    sizes: tuple[int, ...]
+    on_walls: bool
+    displacement: float
+    velocity_limit: float
+    cap: int
+    threads: int
+    niceness: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Memory:
+    """What one picture hands on to the next: colours, and the limit of the velocity."""
+
+    traces: tuple[Trace, ...] = ()
+    limit: float = 0.0
+
+    def hints(self) -> npt.NDArray[np.float64]:
+        """Return a point of every attractor that was known."""
+        return np.concatenate([np.zeros((0, 3)), *(trace.points[:1] for trace in self.traces)])
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """What is published at one go."""
+
+    image: Image
+    attractors: PointCloud2
+    state: DiagnosticArray
+    memory: Memory
+
+
+class Job(threading.Thread):
+    """The work at one set of parameters: a thread of low priority that ends when it is dropped."""
+
+    def __init__(self, wanted: Wanted, memory: Memory, settings: Settings, is_coarse: bool,
+                 put: Callable[['Job', Picture | None], None]) -> None:
+        super().__init__(name='basins', daemon=True)
+        self.wanted = wanted
+        self.is_coarse = is_coarse
+        self.failure = ''
+        self._memory = memory
+        self._settings = settings
+        self._put = put
+        self._dropped = threading.Event()
+
+    def drop(self) -> None:
+        """End it at the next moment."""
+        self._dropped.set()
+
+    def run(self) -> None:
+        """Compute pictures and hand them over; None at the end."""
+        # Of this thread and those it starts, not of the process: what receives the stream must
+        # not hold up its publisher.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), self._settings.niceness)
+        try:
+            self._compute()
+        except Dropped:
+            pass
+        except Exception as error:
+            # Whatever it is, the node goes on with the next parameters.
+            self.failure = f'{type(error).__name__}: {error}'
+        self._put(self, None)
+
+    def _compute(self) -> None:
+        wanted, settings, memory = self.wanted, self._settings, self._memory
+        seen = glance(wanted.parameters, memory.hints())
+        limit = settings.velocity_limit or (
+            nice_limit(ROOM * seen.fastest, memory.limit) if seen.fastest else memory.limit or 1.0)
+        sizes = settings.sizes[:1] if self.is_coarse else settings.sizes
+        planes = [Plane(settings.displacement, velocity=(-limit, limit), phases=size,
+                        velocities=size) for size in sizes]
+        for basins in refine(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
+                             threads=settings.threads, is_dropped=self._dropped.is_set):
+            traces, hues = follow(memory.traces, points_of(basins.catalogue, basins.late),
+                                  is_complete=basins.is_complete)
+            memory = Memory(traces, limit)
+            self._put(self, picture_of(wanted, basins, hues, memory, settings))
+
+
+class Basin(ShellNode):
+    """Watches the parameters in the stream and publishes what is found out about them."""
+
+    def __init__(self) -> None:
+        super().__init__('basin', BASIN)
+        plane = str(self.values['plane'])
+        if plane not in PLANES:
+            raise StartError(f'plane = {plane!r} is not one of {", ".join(PLANES)}')
+        self._settings = Settings(
+            sizes_up_to(int(self.number('size'))), plane == 'section',
+            self.number('displacement'), self.number('velocity_limit'), int(self.number('cap')),
+            int(self.number('threads')), int(self.number('niceness')))
+        self._memory = Memory()
+        self._wanted: Wanted | None = None
+        # The work under way, and what was begun last.
+        self._job: Job | None = None
+        self._begun: Job | None = None
+        self._results: queue.SimpleQueue[tuple[Job, Picture | None]] = queue.SimpleQueue()
+        self._words = 'no impacts yet'
+        self._counts = {'pictures': 0, 'parameters': 0, 'dropped': 0}
+        self._first_seconds = self._last_seconds = 0.0
+        warm_up(self._settings)
+        self._image = self.create_publisher(Image, 'basin', LATCHED)
+        self._attractors = self.create_publisher(PointCloud2, 'attractors', LATCHED)
+        self._state = self.create_publisher(DiagnosticArray, 'basin_state', LATCHED)
+        self._stream = self.create_subscription(
+            PointCloud2, 'impacts', lambda cloud: None, NEWEST, callback_group=Unwatched())
+        self._arrived = self.create_guard_condition(self._publish)
+        self.create_timer(POLL, self._look)
+        self.get_logger().info('ready')
+
+    def report(self) -> tuple[str, str, Mapping[str, object]]:
+        """Return what was published, and how soon after the change."""
+        return 'ok', self._words, {
+            **self._counts, 'first_picture_seconds': self._first_seconds,
+            'last_picture_seconds': self._last_seconds}
+
+    def close(self) -> None:
+        """Let go of the work."""
+        if self._job is not None:
+            self._job.drop()
+
+    def _look(self) -> None:
+        handle = self._stream.handle
+        with handle:
+            taken = handle.take_message(PointCloud2, False)
+        if taken is not None:
+            self._take(taken[0])
+        self._decide()
+
+    def _take(self, cloud: PointCloud2) -> None:
+        try:
+            events = events_from_cloud(cloud)
+        except ValueError as error:
+            self.get_logger().warning(f'a batch is refused: {error}', once=True)
+            return
+        if not len(events):
+            return
+        last = events[-1]
+        parameters = Parameters(*(float(last[name]) for name in (
+            'alpha', 'beta', 'gamma', 'restitution')))
+        before, now = self._wanted, time.monotonic()
+        if before is not None and parameters == before.parameters:
+            return
+        self._wanted = Wanted(
+            parameters, int(last['epoch']), nanoseconds_from_stamp(cloud.header.stamp), now,
+            before is not None and now - before.since < SETTLED)
+        self._counts['parameters'] += 1
+
+    def _decide(self) -> None:
+        wanted, job = self._wanted, self._job
+        if wanted is None:
+            return
+        # While parameters go on moving, a coarse picture of where they were is better than none.
+        if job is not None and job.wanted is not wanted and not job.is_coarse:
+            job.drop()
+            self._counts['dropped'] += 1
+            self._job = job = None
+        if job is not None:
+            return
+        begun = self._begun
+        is_new = begun is None or begun.wanted is not wanted
+        has_settled = time.monotonic() - wanted.since >= SETTLED
+        if is_new or (begun is not None and begun.is_coarse and has_settled):
+            self._job = self._begun = Job(
+                wanted, self._memory, self._settings, wanted.is_passing and not has_settled,
+                self._put)
+            self._job.start()
+
+    def _put(self, job: Job, picture: Picture | None) -> None:
+        """Hand something over from the thread of a job."""
+        self._results.put((job, picture))
+        self._arrived.trigger()
+
+    def _publish(self) -> None:
+        while not self._results.empty():
+            job, picture = self._results.get()
+            if job is not self._job:
+                continue
+            if picture is None:
+                self._job = None
+                if job.failure:
+                    self._words = f'no basins at {job.wanted.parameters}: {job.failure}'
+                    self.get_logger().warning(self._words)
+                self._decide()
+                continue
+            self._memory = picture.memory
+            self._state.publish(picture.state)
+            self._attractors.publish(picture.attractors)
+            self._image.publish(picture.image)
+            self._words = picture.state.status[0].message
+            self._counts['pictures'] += 1
+            self._last_seconds = time.monotonic() - job.wanted.since
+            if picture.image.width == self._settings.sizes[0]:
+                self._first_seconds = self._last_seconds
+
+
+def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Memory,
+               settings: Settings) -> Picture:
+    """Return the messages of one picture; all bear the same stamp."""
+    stamp = stamp_from_nanoseconds(wanted.stamp)
+    colours = colours_of(hues)
+    # The top row is that of the greatest velocity.
+    pixels = painted(basins.labels, colours)[::-1, :, :3]
+    found = [each for each in attractors_of(basins.catalogue, basins.late) if each.label >= 0]
+    found += [Attractor(key, 'floating' if label == FLOATING else 'resting', label)
+              for label, key in ENDS.items() if np.any(basins.labels == label)]
+    found = [dataclasses.replace(each, share=basins.share(each.label)) for each in found]
+    points = points_of(basins.catalogue, basins.late)
+    return Picture(
+        image_from_pixels(pixels, stamp),
+        cloud_from_records(points_with(points, found, colours), stamp),
+        state_of(wanted, basins, found, colours, settings),
+        memory)
+
+
+def points_with(points: Sequence[tuple[npt.NDArray[np.float64], bool]],
+                found: Sequence[Attractor], colours: Mapping[int, str]) -> npt.NDArray[np.void]:
+    """Return the points of all attractors as a cloud has them."""
+    parts = [np.zeros(0, POINT)]
+    for each, (places, _) in zip(found, points, strict=False):
+        part = np.zeros(len(places), POINT)
+        part['x'], part['y'], part['z'] = places[:, 1], places[:, 2], -places[:, 0]
+        # As PCL packs it: the bytes of an integer in a float.
+        part['rgb'] = np.uint32(int(colours[each.label][1:], 16)).view(np.float32)
+        part['label'], part['share'] = each.label, each.share
+        parts.append(part)
+    return np.concatenate(parts)
+
+
+def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
+             colours: Mapping[int, str], settings: Settings) -> DiagnosticArray:
+    """Return what is known of the picture, and of every attractor."""
+    stamp = stamp_from_nanoseconds(wanted.stamp)
+    plane, parameters = basins.plane, wanted.parameters
+    unresolved = basins.share(UNRESOLVED)
+    words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
+             f'{len(found)} attractors, {unresolved:.1%} unresolved')
+    state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
+        **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
+        'plane': 'section' if settings.on_walls else 'displacement',
+        'displacement': plane.displacement, 'phase_low': plane.phase[0],
+        'phase_high': plane.phase[1], 'velocity_low': plane.velocity[0],
+        'velocity_high': plane.velocity[1], 'unresolved': unresolved,
+        'has_searched_chaos': basins.is_complete}, stamp)
+    for each in found:
+        state.status.extend(diagnostic_array(
+            f'basin: {each.key}', 'basin', 'ok', f'{each.key}: {each.share:.2%}', {
+                'label': each.label, 'key': each.key, 'kind': each.kind, 'share': each.share,
+                'colour': colours[each.label], 'impacts': each.impacts,
+                'drive_periods': each.drive_periods, 'pieces': each.pieces}, stamp).status)
+    return state
+
+
+def warm_up(settings: Settings) -> None:
+    """Compile everything before anything is wanted."""
+    seen = glance(Parameters(), np.zeros((0, 3)))
+    planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
+    for basins in refine(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
+                         is_dropped=lambda: False):
+        follow((), points_of(basins.catalogue))
+    exponents_of(Parameters(), planes[0].random_starts(Parameters(), 1, 1)[0], 100)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the node; the exit status is 0, or 2 where it cannot start."""
+    return run_node('basin', Basin, arguments)
