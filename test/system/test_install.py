@@ -23,6 +23,7 @@ PACKAGE = 'gear_rattle_ros'
 ROOT = Path(__file__).parents[2]
 # They run until they are told to stop; the others want a bag first.
 NODES: dict[str, list[str]] = {
+    'basin': [],
     'lyapunov': [],
     'recorder': [],
     'simulator': [],

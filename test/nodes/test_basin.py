@@ -1,0 +1,151 @@
+"""The basin node as a process: pictures, attractors and shares for a stream of parameters."""
+
+from collections.abc import Callable
+import signal
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import pytest
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
+
+from gear_rattle_ros.core.model import EventArray, Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
+from gear_rattle_ros.qos import LATCHED, STREAM
+
+
+class Pictures:
+    """What the node publishes, in step: state, attractors and image of each picture."""
+
+    def __init__(self, node: Node) -> None:
+        self.states: list[DiagnosticArray] = []
+        self.clouds: list[PointCloud2] = []
+        self.images: list[Image] = []
+        node.create_subscription(DiagnosticArray, 'basin_state', self.states.append, LATCHED)
+        node.create_subscription(PointCloud2, 'attractors', self.clouds.append, LATCHED)
+        node.create_subscription(Image, 'basin', self.images.append, LATCHED)
+
+    def alpha(self) -> float:
+        """Return the alpha of the newest picture."""
+        return float(values_of(self.states[-1])['alpha']) if self.states else 0.0
+
+    def has(self, alpha: float, size: int) -> bool:
+        """Tell whether the newest of everything is a picture."""
+        return (self.alpha() == alpha and values_of(self.states[-1])['size'] == str(size)
+                and bool(self.images) and self.images[-1].width == size
+                and self.images[-1].header == self.clouds[-1].header
+                and self.images[-1].header.stamp == self.states[-1].header.stamp)
+
+
+def values_of(message: DiagnosticArray, number: int = 0) -> dict[str, str]:
+    """Return the keys and values of a status."""
+    return {item.key: item.value for item in message.status[number].values}
+
+
+def attractors_of(message: DiagnosticArray) -> dict[int, dict[str, str]]:
+    """Return what is said of each attractor, by its impacts."""
+    every = [values_of(message, number) for number in range(1, len(message.status))]
+    return {int(each['impacts']): each for each in every}
+
+
+def pixels_of(image: Image) -> np.ndarray:
+    """Return the colours of an image as numbers."""
+    assert image.encoding == 'rgb8' and image.step == 3 * image.width
+    parts = np.frombuffer(bytes(image.data), np.uint8).reshape(image.height, image.width, 3)
+    return parts.astype(np.int64) @ [65536, 256, 1]
+
+
+def points_of(cloud: PointCloud2) -> np.ndarray:
+    """Return the records of the cloud, read by its own fields."""
+    kinds = {5: '<i4', 7: '<f4'}
+    dtype = np.dtype({
+        'names': [field.name for field in cloud.fields],
+        'formats': [kinds[field.datatype] for field in cloud.fields],
+        'offsets': [field.offset for field in cloud.fields], 'itemsize': cloud.point_step})
+    return np.frombuffer(bytes(cloud.data), dtype)
+
+
+def ramp(alphas: list[float]) -> list[EventArray]:
+    """Return a batch for every alpha, the first from a reset."""
+    simulation = Simulation(Parameters(alphas[0]), State(0, 0.0, 0.0, -0.5))
+    batches = [simulation.advance(5, 0.0, 100)]
+    for number, alpha in enumerate(alphas[1:], 2):
+        retuned = simulation.retune(Parameters(alpha))
+        batches.append(np.concatenate([retuned, simulation.advance(5 * number, 0.0, 100)]))
+    return batches
+
+
+def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin: Callable) -> None:
+    """Two attractors at 0.48, drawn twice as fine; they keep their colours at 0.49."""
+    clouds = rclpy_node.create_publisher(PointCloud2, 'impacts', STREAM)
+    pictures = Pictures(rclpy_node)
+    basin = start('basin', '--ros-args', '-p', 'size:=100', '-p', 'velocity_limit:=2.0')
+    basin.wait_for('ready', 120.0)
+    spin(clouds.get_subscription_count)
+    first, second = ramp([0.48, 0.49])
+    clouds.publish(cloud_from_events(first, stamp_from_nanoseconds(7)))
+    spin(lambda: pictures.has(0.48, 100), 60.0)
+
+    assert {image.width for image in pictures.images} <= {50, 100}
+    state, image, cloud = pictures.states[-1], pictures.images[-1], pictures.clouds[-1]
+    assert image.header.stamp == stamp_from_nanoseconds(7) and image.header.frame_id == 'section'
+    picture, attractors = values_of(state), attractors_of(state)
+    assert (picture['velocity_low'], picture['velocity_high']) == ('-2.0', '2.0')
+    assert picture['epoch'] == '0' and picture['plane'] == 'section'
+    assert attractors.keys() == {2, 3}
+    pixels, points = pixels_of(image), points_of(cloud)
+    for impacts, each in attractors.items():
+        colour = int(each['colour'][1:], 16)
+        assert float(each['share']) == pytest.approx(np.mean(pixels == colour))
+        own = points[points['label'] == int(each['label'])]
+        assert len(own) == impacts and (own['rgb'].view(np.uint32) == colour).all()
+        assert (own['z'] == np.where(own['y'] > 0.0, 0.0, -1.0)).all()
+        np.testing.assert_allclose(own['share'], float(each['share']), rtol=1e-6)
+        # Each point of an attractor lies in its basin: the top row is the greatest velocity.
+        rows = ((2.0 - own['y']) * 25.0).astype(int)
+        columns = (own['x'] * (100.0 / (2.0 * np.pi))).astype(int)
+        assert (pixels[rows, columns] == colour).all()
+    # The paper's two attractors of alpha = 0.48: the orbit recorded there has these velocities.
+    np.testing.assert_allclose(
+        np.sort(points['y'][points['label'] == int(attractors[2]['label'])]),
+        [-0.52781368, 0.85850764], atol=1e-6)
+
+    clouds.publish(cloud_from_events(second, stamp_from_nanoseconds(8)))
+    spin(lambda: pictures.has(0.49, 100), 60.0)
+    later = attractors_of(pictures.states[-1])
+    assert {key: each['colour'] for key, each in later.items()} == {
+        key: each['colour'] for key, each in attractors.items()}
+    assert values_of(pictures.states[-1])['epoch'] == '1'
+    assert basin.stop(signal.SIGINT) == 0, basin.text()
+
+
+def test_work_is_dropped_when_parameters_move(start: Callable, rclpy_node: Node, spin: Callable
+                                              ) -> None:
+    """Of a fast ramp only the last value is drawn fine; one who comes late is given it."""
+    clouds = rclpy_node.create_publisher(PointCloud2, 'impacts', STREAM)
+    pictures = Pictures(rclpy_node)
+    basin = start('basin', '--ros-args', '-p', 'size:=100', '-p', 'plane:=displacement', '-p',
+                  'displacement:=-0.5')
+    basin.wait_for('ready', 120.0)
+    spin(clouds.get_subscription_count)
+    alphas = [round(0.47 + 0.001 * number, 3) for number in range(30)]
+    for number, batch in enumerate(ramp(alphas)):
+        clouds.publish(cloud_from_events(batch, stamp_from_nanoseconds(number)))
+        until = time.monotonic() + 0.02
+        spin(lambda until=until: time.monotonic() > until)
+    spin(lambda: pictures.has(alphas[-1], 100), 60.0)
+    fine = [values_of(state) for state in pictures.states if values_of(state)['size'] == '100']
+    assert len(fine) < len(alphas) / 2
+    assert fine[-1]['displacement'] == '-0.5' and fine[-1]['plane'] == 'displacement'
+    late = Pictures(rclpy_node)
+    spin(lambda: late.has(alphas[-1], 100), 20.0)
+    assert basin.stop(signal.SIGTERM) == 0, basin.text()
+
+
+def test_a_bad_plane_is_one_line(start: Callable) -> None:
+    """Exit status 2, and one line that names the value."""
+    basin = start('basin', '--ros-args', '-p', 'plane:=floor')
+    assert basin.process.wait(60) == 2
+    assert basin.text() == "basin: plane = 'floor' is not one of section, displacement\n"

@@ -1,0 +1,116 @@
+"""Basins coarse to fine, against trajectories of the scalar simulation."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.model import EventKind, Parameters, State
+from gear_rattle_ros.core.orbits import Regime, TransientDetector
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
+
+TWO_ATTRACTORS = Parameters(0.48)
+NO_HINTS = np.zeros((0, 3))
+
+
+def pictures(parameters: Parameters, sizes: tuple[int, ...], *, on_walls: bool = True,
+             cap: int = 2000) -> list[Basins]:
+    """Return all pictures of the plane."""
+    planes = [Plane(-0.25, phases=size, velocities=size) for size in sizes]
+    return list(refine(glance(parameters, NO_HINTS), planes, on_walls=on_walls, cap=cap,
+                       threads=1, is_dropped=lambda: False))
+
+
+def followed(state: State) -> tuple[int, int]:
+    """Return the period [impacts] and the lifetime that the live detector finds."""
+    detector = TransientDetector()
+    detector.update(Simulation(TWO_ATTRACTORS, state).advance(10_000, 0.0, 3000))
+    report = detector.report
+    assert report.regime is Regime.ORBIT and report.lifetime is not None
+    return int(report.period_impacts or 0), report.lifetime
+
+
+@pytest.mark.parametrize('on_walls', [True, False])
+def test_starts_end_where_the_simulation_ends(on_walls: bool) -> None:
+    """A sample of cells, on the section and at one displacement."""
+    last = pictures(TWO_ATTRACTORS, (50, 60), on_walls=on_walls)[-1]
+    periods = [len(orbit.sides) for orbit in last.catalogue.orbits]
+    assert sorted(periods) == [2, 3] and not last.late
+    assert not np.any(last.labels == UNRESOLVED)
+    compared = 0
+    for row, column in np.random.default_rng(3).integers(0, 60, (40, 2)):
+        velocity = float(last.plane.velocity_values()[row])
+        place = (-1.0 if velocity < 0.0 else 0.0) if on_walls else -0.25
+        state = State(0, float(last.plane.phase_values()[column]), place, velocity)
+        period, lifetime = followed(state)
+        # In a longer transient a difference in the last bit decides where it ends.
+        if lifetime < 60:
+            compared += 1
+            assert period == periods[last.labels[row, column]]
+    assert compared > 15
+
+
+def test_impacts_lie_in_the_basin_of_their_attractor() -> None:
+    """On the section, but for cells that the boundary goes through."""
+    last = pictures(TWO_ATTRACTORS, (50, 200))[-1]
+    periods = [len(orbit.sides) for orbit in last.catalogue.orbits]
+    same = []
+    for phase in np.linspace(0.1, 6.1, 30):
+        simulation = Simulation(TWO_ATTRACTORS, State(0, float(phase), 0.0, -1.2))
+        events = simulation.advance(10_000, 0.0, 1000)
+        impacts = events[events['kind'] == EventKind.IMPACT][:40]
+        impacts = impacts[np.abs(impacts['velocity']) < 2.0]
+        rows = ((impacts['velocity'] + 2.0) * 50.0).astype(int)
+        columns = (impacts['phase'] * (200.0 / (2.0 * np.pi))).astype(int)
+        period, _ = followed(State(0, float(phase), 0.0, -1.2))
+        same.extend(np.array(periods)[last.labels[rows, columns]] == period)
+    assert len(same) > 1000 and np.mean(same) > 0.8
+
+
+def test_chaos_is_grey_at_first_and_found_then() -> None:
+    """At 0.57 the coarse picture knows A alone, a finer one the chaotic attractor B as well."""
+    coarse, *_, fine = pictures(Parameters(0.57), (50, 60))
+    assert not coarse.is_complete and coarse.share(UNRESOLVED) > 0.1
+    assert fine.is_complete and fine.share(UNRESOLVED) < 0.01
+    assert [found.pieces for found in fine.catalogue.chaotic] == [2]
+    assert fine.share(len(fine.catalogue.orbits)) == pytest.approx(
+        coarse.share(UNRESOLVED), abs=0.05)
+
+
+def test_a_long_transient_stays_unresolved_without_being_waited_for() -> None:
+    """Beyond the crisis, where the mean lifetime is thousands of impacts."""
+    last = pictures(Parameters(1.244), (50, 60), cap=400)[-1]
+    assert not last.catalogue.chaotic and 0.5 < last.share(UNRESOLVED) < 0.98
+
+
+def test_work_is_dropped() -> None:
+    """The next slice raises."""
+    dropped = threading.Event()
+    planes = [Plane(phases=size, velocities=size) for size in (50, 400, 800)]
+    work = refine(glance(TWO_ATTRACTORS, NO_HINTS), planes, on_walls=True, cap=20_000, threads=2,
+                  is_dropped=dropped.is_set)
+    next(work)
+    dropped.set()
+    with pytest.raises(Dropped):
+        next(work)
+
+
+def test_hints_are_followed() -> None:
+    """A point of an orbit leads to it, whatever the random starts do."""
+    seen = glance(TWO_ATTRACTORS, NO_HINTS)
+    orbit = seen.catalogue.orbits[0]
+    hint = np.array([[orbit.sides[0], orbit.phases[0], orbit.velocities[0]]])
+    again = glance(Parameters(0.4801), hint)
+    assert any(len(other.sides) == len(orbit.sides) and np.allclose(
+        other.velocities, orbit.velocities, atol=0.01) for other in again.catalogue.orbits)
+    assert again.catalogue.labels.size == seen.catalogue.labels.size + 1
+
+
+@pytest.mark.parametrize(('largest', 'sizes'), [
+    (50, (50,)), (60, (50, 60)), (100, (50, 100)), (800, (50, 100, 200, 400, 800))])
+def test_sizes_double(largest: int, sizes: tuple[int, ...]) -> None:
+    """From 50 to the largest."""
+    assert sizes_up_to(largest) == sizes
