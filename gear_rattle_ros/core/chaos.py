@@ -18,8 +18,13 @@ from .recorded import record_impacts
 from .simulation import Simulation
 from .table import dilated
 
+# Trajectories from which the boxes are filled, and impacts of each.
+TRACED: Final = 96
+LENGTH: Final = 24_000
 # Trajectories that have so much of their boxes in common are on the same attractor.
 OVERLAP: Final = 0.5
+# Impacts over which exponents are averaged.
+AVERAGED: Final = 200_000
 # Pieces are counted on boxes so many times larger, and those with less of the impacts than this
 # are dust of the sampling.
 COARSER: Final = 2
@@ -35,28 +40,6 @@ TRIED: Final = 60
 VISITED: Final = 1e-4
 # Boxes reach so much beyond the fastest impact.
 ROOM: Final = 1.02
-
-
-@dataclasses.dataclass(frozen=True)
-class Tracing:
-    """
-    How much is looked at.
-
-    Attributes
-    ----------
-    trajectories, impacts : int
-        Trajectories from which the boxes are filled, and impacts of each.
-    averaged : int
-        Impacts over which exponents are averaged.
-
-    """
-
-    trajectories: int = 96
-    impacts: int = 24_000
-    averaged: int = 200_000
-
-
-THOROUGH: Final = Tracing()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,8 +79,7 @@ class BoxSet:
         return f'chaotic-{self.orbit}'
 
 
-def box_sets(parameters: Parameters, starts: RecordArray, tracing: Tracing = THOROUGH
-             ) -> tuple[list[BoxSet], float]:
+def box_sets(parameters: Parameters, starts: RecordArray) -> tuple[list[BoxSet], float]:
     """
     Find the sets on which trajectories move.
 
@@ -107,8 +89,6 @@ def box_sets(parameters: Parameters, starts: RecordArray, tracing: Tracing = THO
         Of the trajectories.
     starts : ndarray of START, shape (n,)
         States of trajectories that are past their transients; the first of them are traced.
-    tracing : Tracing
-        How much is looked at.
 
     Returns
     -------
@@ -116,21 +96,21 @@ def box_sets(parameters: Parameters, starts: RecordArray, tracing: Tracing = THO
         The sets, disjoint, and the greatest speed of their boxes [1].
 
     """
-    traced = starts[:tracing.trajectories]
+    traced = starts[:TRACED]
     first, _ = record_impacts(traced, 0, 2000)
     speed = ROOM * float(np.max(np.abs(first['velocity'])))
     counts = np.zeros((len(traced), 2 * BOXES * BOXES), np.uint16)
-    rows, made = record_impacts(traced, 0, tracing.impacts)
+    rows, made = record_impacts(traced, 0, LENGTH)
     for number in range(len(traced)):
         row = rows[number, :made[number]]
         count_boxes(row, speed, counts[number])
     sets = []
     for members in _grouped(counts > 0):
         total = counts[members].sum(axis=0, dtype=np.int64).reshape(2, BOXES, BOXES)
-        full = [rows[number] for number in members if made[number] == tracing.impacts]
+        full = [rows[number] for number in members if made[number] == LENGTH]
         sets.append(BoxSet(
             total > 0, tuple(members), count_pieces(total), shortest_orbit(parameters, full),
-            exponents_of(parameters, traced[members[0]], tracing.averaged)))
+            exponents_of(parameters, traced[members[0]])))
     return sets, speed
 
 
@@ -230,7 +210,8 @@ def distance(impacts: RecordArray, phase: npt.ArrayLike, velocity: npt.ArrayLike
     return np.maximum(np.minimum(turn, TWO_PI - turn), np.abs(impacts['velocity'] - velocity))
 
 
-def exponents_of(parameters: Parameters, start: np.void, impacts: int) -> LyapunovReport:
+def exponents_of(parameters: Parameters, start: np.void, impacts: int = AVERAGED
+                 ) -> LyapunovReport:
     """
     Average exponents along one trajectory.
 

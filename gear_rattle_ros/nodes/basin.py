@@ -16,7 +16,6 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from .scales import nice_limit
 from .shell import run_node, ShellNode, StartError
-from ..core.chaos import exponents_of
 from ..core.classify import FLOATING, UNRESOLVED
 from ..core.model import Parameters
 from ..messages import (
@@ -31,6 +30,7 @@ from ..offline.attractors import Attractor, attractors_of, ENDS
 from ..offline.colours import colours_of, follow, painted, points_of, Trace
 from ..offline.grid import Plane
 from ..offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
+from ..offline.sketch import sketched_sets
 from ..parameters import BASIN
 from ..qos import LATCHED, NEWEST
 
@@ -325,7 +325,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
             f'basin: {each.key}', 'basin', 'ok', f'{each.key}: {each.share:.2%}', {
                 'label': each.label, 'key': each.key, 'kind': each.kind, 'share': each.share,
                 'colour': colours[each.label], 'impacts': each.impacts,
-                'drive_periods': each.drive_periods, 'pieces': each.pieces}, stamp).status)
+                'drive_periods': each.drive_periods}, stamp).status)
     return state
 
 
@@ -336,7 +336,7 @@ def warm_up(settings: Settings) -> None:
     for basins in refine(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
                          is_dropped=lambda: False):
         follow((), points_of(basins.catalogue))
-    exponents_of(Parameters(), planes[0].random_starts(Parameters(), 1, 1)[0], 100)
+    sketched_sets(Parameters(), planes[0].random_starts(Parameters(), 8, 1))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from .engine import run_tiles
 from .grid import make_starts, Plane
 from .search import Catalogue, find_attractors, orbits_among, settle_here, TOLERANCE
-from ..core.chaos import Tracing
+from .sketch import sketched_sets
 from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
 from ..core.periodic import Orbit, record_impacts
@@ -29,7 +29,8 @@ GLANCE: Final = (48, 300, 200, 64)
 # The second: random starts, and impacts for which nothing may leave a chaotic attractor.
 STARTS: Final = 256
 HOLD: Final = 2_000
-TRACING: Final = Tracing(32, 24_000, 40_000)
+# What takes longer to be told from a transient is left unresolved [impacts].
+STAY_MOST: Final = 256
 # Unresolved starts of a picture that are looked at for orbits that were missed.
 LOOKED_AT: Final = 32
 SEED: Final = 1
@@ -205,9 +206,9 @@ def refine(seen: Glance, planes: Sequence[Plane], *, on_walls: bool, cap: int, t
     mean = GUESS
     for level, plane in enumerate(planes):
         if level == 1:
-            catalogue = find_attractors(
+            catalogue = _without_slow_chaos(find_attractors(
                 parameters, plane.random_starts(parameters, STARTS, SEED), hold=HOLD,
-                threads=threads, tracing=TRACING)
+                threads=threads, trace=sketched_sets))
             late = _missed(catalogue, seen.catalogue.orbits)
         size = plane.phases * plane.velocities
         # Mixed, so that what is not looked at in time is spread over the picture.
@@ -291,6 +292,13 @@ def _moved(starts: RecordArray, results: RecordArray) -> RecordArray:
     for name in ('phase', 'displacement', 'velocity'):
         moved[name] = results[name]
     return moved
+
+
+def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
+    if catalogue.stay <= STAY_MOST:
+        return catalogue
+    labels = np.where(catalogue.labels < len(catalogue.orbits), catalogue.labels, UNRESOLVED)
+    return dataclasses.replace(catalogue, chaotic=(), stay=0, labels=labels)
 
 
 def _missed(catalogue: Catalogue, orbits: Sequence[Orbit]) -> tuple[Orbit, ...]:

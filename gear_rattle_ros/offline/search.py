@@ -10,14 +10,15 @@ its boxes for so many impacts, not one is seen to settle elsewhere; else it is u
 would have shown with near certainty.)
 """
 
+from collections.abc import Callable
 import dataclasses
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
-from ..core.chaos import box_sets, BoxSet, THOROUGH, Tracing
+from ..core.chaos import box_sets, BoxSet
 from ..core.classify import (
     BOXES,
     classify,
@@ -52,6 +53,8 @@ SIGNIFICANT: Final = 5.0
 STAYS: Final = (128, 256, 512, 1024, 2048, 4096)
 # Sets of boxes that are told apart by their numbers in one byte.
 SETS_MOST: Final = 60
+
+Trace: TypeAlias = Callable[[Parameters, RecordArray], tuple[list[BoxSet], float]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,7 +117,8 @@ class Catalogue:
 
 def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: float = TOLERANCE,
                     hold: int = HOLD, chaotic: bool = True,
-                    threads: int | None = None, tracing: Tracing = THOROUGH) -> Catalogue:
+                    threads: int | None = None, trace: Trace = box_sets
+                    ) -> Catalogue:
     """
     Find all attractors that some of the starts reach.
 
@@ -132,8 +136,8 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         Whether what is left is looked at for chaotic attractors.
     threads : int, optional
         How many; by default one for each processor.
-    tracing : Tracing
-        How much of chaotic attractors is looked at.
+    trace : callable
+        Finds the sets on which trajectories move, as `box_sets` does.
 
     Returns
     -------
@@ -177,7 +181,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
     left = np.flatnonzero(labels == UNRESOLVED)
     if not chaotic or not len(left):
         return plain
-    return _with_chaos(plain, starts, states[left], threads, tracing)
+    return _with_chaos(plain, starts, states[left], threads, trace)
 
 
 def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = None
@@ -284,8 +288,8 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
 
 
 def _with_chaos(plain: Catalogue, starts: RecordArray, survivors: RecordArray,
-                threads: int | None, tracing: Tracing) -> Catalogue:
-    sets, speed = box_sets(plain.parameters, survivors, tracing)
+                threads: int | None, trace: Trace) -> Catalogue:
+    sets, speed = trace(plain.parameters, survivors)
     sets = sorted(
         (found for found in sets if found.exponents.lambda_1
          > SIGNIFICANT * found.exponents.lambda_1_error), key=lambda found: found.key)[:SETS_MOST]

@@ -75,7 +75,7 @@ def test_chaos_is_grey_at_first_and_found_then() -> None:
     coarse, *_, fine = pictures(Parameters(0.57), (50, 60))
     assert not coarse.is_complete and coarse.share(UNRESOLVED) > 0.1
     assert fine.is_complete and fine.share(UNRESOLVED) < 0.01
-    assert [found.pieces for found in fine.catalogue.chaotic] == [2]
+    assert len(fine.catalogue.chaotic) == 1
     assert fine.share(len(fine.catalogue.orbits)) == pytest.approx(
         coarse.share(UNRESOLVED), abs=0.05)
 
