@@ -20,7 +20,8 @@ from .search import Catalogue, find_attractors, orbits_among, settle_here, TOLER
 from .sketch import sketched_sets
 from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
-from ..core.periodic import Orbit, record_impacts
+from ..core.periodic import Orbit
+from ..core.recorded import record_impacts
 from ..core.table import make_table
 
 # The first look for attractors: random starts, impacts passed over, impacts looked at, and the
