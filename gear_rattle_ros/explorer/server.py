@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import errno
 import itertools
+import os
 from pathlib import Path
 import sys
 import threading
@@ -61,6 +62,11 @@ def serve(given: argparse.Namespace) -> int:
         view = first_view(given.alpha)
     except ValueError as error:
         print(f'{NAME}: {error}', file=sys.stderr)
+        return 2
+    above = next(each for each in (given.folder.resolve(), *given.folder.resolve().parents)
+                 if each.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        print(f'{NAME}: --folder {given.folder} cannot be written', file=sys.stderr)
         return 2
     shared = Shared(Catalogues(), SimulatorLink(), given.folder)
     try:

@@ -1,0 +1,49 @@
+"""A state is sent to a real simulator on real DDS, or the reason why not comes back."""
+
+from collections.abc import Callable
+import math
+
+import pytest
+
+from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.explorer.simulator_link import SimulatorLink
+
+pytest.importorskip('rclpy')
+
+
+def test_simulator_goes_on_from_the_state(
+        start: Callable[..., object], rclpy_node, spin: Callable[..., None]) -> None:
+    """Its stream has a reset with the very numbers; a difference of parameters is told."""
+    from sensor_msgs.msg import PointCloud2
+
+    from gear_rattle_ros.messages import events_from_cloud
+    from gear_rattle_ros.qos import STREAM_INPUT
+    resets: list[tuple[float, float, float]] = []
+
+    def take(cloud: PointCloud2) -> None:
+        for event in events_from_cloud(cloud):
+            if event['kind'] == 4:
+                resets.append((float(event['phase']), float(event['displacement']),
+                               float(event['velocity_after'])))
+
+    rclpy_node.create_subscription(PointCloud2, 'impacts', take, STREAM_INPUT)
+    simulator = start('simulator', '--ros-args', '-p', 'alpha:=0.57')
+    simulator.wait_for('ready', within=180.0)
+    spin(lambda: resets)
+    link = SimulatorLink()
+    state = State(0, math.nextafter(2.0 * math.pi, 0.0), -0.3, 1.2345678901234567)
+    said, is_good = link.send(state, Parameters(alpha=0.48))
+    assert is_good, said
+    assert said.endswith('it runs with alpha = 0.57')
+    spin(lambda: resets[-1] == (state.phase, state.displacement, state.velocity))
+    link.close()
+
+
+def test_without_a_simulator_it_says_what_to_do(domain: int) -> None:
+    """Within seconds, in one line."""
+    link = SimulatorLink()
+    said, is_good = link.send(State(0, 1.0, 0.0, 0.5), Parameters())
+    link.close()
+    assert not is_good
+    assert said == ('no simulator answers as /simulator; start one with: ros2 run gear_rattle_ros '
+                    'simulator')
