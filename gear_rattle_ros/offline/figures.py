@@ -247,7 +247,7 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
         record = json.loads(_record(recipe, folder).read_text(encoding='utf-8'))
         small.mkdir(parents=True, exist_ok=True)
         shrink(picture, small / picture.name)
-        printed = [line.rstrip() for line in record['printed'].strip().splitlines()
+        printed = [line.rstrip() for line in record['printed'].strip('\n').splitlines()
                    if f'{folder}/' not in line]
         numbers = ['```text', *printed, '```', ''] if printed else []
         parts += [
@@ -255,9 +255,10 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
             f'![{recipe.title}]({small.name}/{picture.name})', '',
             *_filled(f'**The paper.** {recipe.paper} *{recipe.known}*'), '',
             *_filled(f'**Ours {AGREES[recipe.agrees]}.** {recipe.finding}'), '',
-            *_filled(f'`figures {recipe.figure}` took {record["seconds"]:.0f} s and ran'), '',
-            '```sh', *textwrap.wrap(' '.join(recipe.command), 95, break_on_hyphens=False,
-                                    subsequent_indent='    '), '```', '', *numbers]
+            f'`figures {recipe.figure}` runs', '',
+            '```sh', ' \\\n'.join(textwrap.wrap(
+                ' '.join(recipe.command), 95, break_on_hyphens=False,
+                subsequent_indent='    ')), '```', '', *numbers]
     page.write_text('\n'.join(parts).rstrip() + '\n', encoding='utf-8')
     return page
 

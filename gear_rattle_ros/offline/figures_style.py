@@ -20,8 +20,10 @@ HUES: Final = ('#0a5a9c', '#c2410c', '#04724d', '#8a2c76', '#8a6100', '#2f2f2f')
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.
 HALO: Final = 0.45
-# Copies of pictures are so wide [pixels], in so many colours.
-SMALL: Final = 600
+# Copies of pictures are so wide at the most, smaller where the file would be too long [pixels,
+# bytes], in so many colours.
+SMALL: Final = (600, 520, 440, 380)
+LONGEST: Final = 100_000
 COLOURS: Final = 48
 GREY: Final = '#606060'
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
@@ -80,7 +82,7 @@ def shrink(picture: Path, small: Path) -> None:
     picture : Path
         The picture.
     small : Path
-        The copy, `SMALL` pixels wide at the most.
+        The copy, the widest of `SMALL` that has `LONGEST` bytes or fewer.
 
     Raises
     ------
@@ -89,9 +91,12 @@ def shrink(picture: Path, small: Path) -> None:
 
     """
     with Image.open(picture) as whole:
-        copy = whole.convert('RGB')
-        copy.thumbnail((SMALL, SMALL * 2), Image.Resampling.LANCZOS)
-        copy.quantize(COLOURS).save(small, optimize=True)
+        for width in SMALL:
+            copy = whole.convert('RGB')
+            copy.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
+            copy.quantize(COLOURS).save(small, optimize=True)
+            if small.stat().st_size <= LONGEST:
+                break
 
 
 def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None:

@@ -94,7 +94,7 @@ def test_a_page_of_the_documents_has_small_pictures_and_the_commands(drawn, tmp_
     assert max(map(len, text.splitlines())) < 200
     for figure, command in COMMANDS.items():
         assert f'(figures/figure-{figure}.png)' in text
-        assert command.split(' --output')[0] in text.replace('\n    ', ' ')
+        assert command.split(' --output')[0] in text.replace(' \\\n    ', ' ')
         small = imread(tmp_path / 'figures' / f'figure-{figure}.png')
         whole = imread(drawn / f'figure-{figure}.png')
         assert small.shape[1] == min(600, whole.shape[1])
