@@ -81,6 +81,7 @@ def test_long_transient_is_longer_than_5000_impacts_and_is_seen_to_end() -> None
     assert (report.period_impacts, report.period_drive) == (4, 1)
 
 
+@pytest.mark.long
 def test_page_says_what_is_found_now() -> None:
     """The page is what tools/scene_page.py writes: hysteresis from B to A, too."""
     played = {name: (scene, scene_page.play(scene)) for name, scene in load_scenes().items()}

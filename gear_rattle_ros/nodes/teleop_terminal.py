@@ -9,6 +9,7 @@ import sys
 import termios
 import tty
 from types import FrameType, TracebackType
+from typing import Any
 
 
 class Terminal:
@@ -23,7 +24,7 @@ class Terminal:
         self.was_continued = False
         self._input = sys.stdin.fileno()
         self._before = termios.tcgetattr(self._input)
-        self._handlers: dict[int, object] = {}
+        self._handlers: dict[int, Any] = {}
         self._line = False
 
     def __enter__(self) -> 'Terminal':
@@ -37,9 +38,10 @@ class Terminal:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
         """Leave the terminal as it was."""
+        # Continued from here on, it must not set the terminal again.
+        signal.signal(signal.SIGCONT, self._handlers[signal.SIGCONT])
         self._restore()
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+        signal.signal(signal.SIGTSTP, self._handlers[signal.SIGTSTP])
 
     def read(self, within: float) -> bytes | None:
         """Return what was typed within some time [s], b'' for nothing; None at the end of it."""
@@ -71,11 +73,11 @@ class Terminal:
 
     def _set(self) -> None:
         # Signals of the keyboard stay as they are: Ctrl-C, Ctrl-Z.
-        tty.setcbreak(self._input, termios.TCSADRAIN)
+        tty.setcbreak(self._input, termios.TCSANOW)
 
     def _restore(self) -> None:
         with contextlib.suppress(termios.error):
-            termios.tcsetattr(self._input, termios.TCSADRAIN, self._before)
+            termios.tcsetattr(self._input, termios.TCSANOW, self._before)
         if self._line:
             self._write('\n')
             self._line = False
@@ -83,9 +85,11 @@ class Terminal:
     def _suspend(self, number: int, frame: FrameType | None) -> None:
         self._restore()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
-        # The process stands still in this call until it is continued.
+        # The process stands still in this call until it is continued; where no shell could
+        # continue it, the system does not stop it at all, and there is no SIGCONT.
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, self._suspend)
+        self._continue(number, frame)
 
     def _continue(self, number: int, frame: FrameType | None) -> None:
         # In the background the terminal is not ours: the system stops this call until it is.

@@ -46,18 +46,21 @@ signal.pause()
 class Screen:
     """A program on a terminal of its own."""
 
-    def __init__(self, arguments: list[str]) -> None:
+    def __init__(self, arguments: list[str], has_shell: bool = True) -> None:
         """Start it; the settings of the terminal before it came are remembered."""
         self.text = ''
         self.process, self.terminal = pty.fork()
         if self.process == 0:
-            os.execv(sys.executable, [sys.executable, '-c', LEADER, *arguments])
+            leader = ['-c', LEADER] if has_shell else []
+            os.execv(sys.executable, [sys.executable, *leader, *arguments])
         self.before = self.settings()
         fcntl.ioctl(self.terminal, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 200, 0, 0))
         # What nobody reads would stop the program.
         threading.Thread(target=self._read, daemon=True).start()
-        self.wait_for('<job ')
-        self.job = int(self.text.split('<job ')[1].split('>')[0])
+        self.job = self.process
+        if has_shell:
+            self.wait_for('<job ')
+            self.job = int(self.text.split('<job ')[1].split('>')[0])
 
     def settings(self) -> list:
         """Return what the terminal is set to."""
@@ -98,8 +101,9 @@ def teleop(domain: int) -> Iterator[Callable[..., Screen]]:
     """Start the keyboard control on a terminal."""
     screens: list[Screen] = []
 
-    def start_one(*arguments: str) -> Screen:
-        screens.append(Screen(['-m', 'gear_rattle_ros.start', 'teleop', *arguments]))
+    def start_one(*arguments: str, has_shell: bool = True) -> Screen:
+        screens.append(Screen(
+            ['-m', 'gear_rattle_ros.start', 'teleop', *arguments], has_shell))
         return screens[-1]
 
     yield start_one
@@ -248,6 +252,21 @@ def test_ctrl_z_gives_the_terminal_back_and_fg_takes_it_again(teleop) -> None:
     assert screen.settings() == screen.before
 
 
+@pytest.mark.long
+def test_ctrl_z_without_a_shell_changes_nothing(teleop) -> None:
+    """Nobody could continue it, so the system does not stop it: it goes on with its keys."""
+    screen = teleop(has_shell=False)
+    screen.wait_for('waiting')
+    during = screen.settings()
+    assert during != screen.before
+    screen.press(b'\x1a')
+    screen.wait_for_next('waiting')
+    screen.press(b'h')
+    screen.wait_for_next('The keyboard steers')
+    assert screen.settings() == during
+
+
+@pytest.mark.long
 def test_exception_restores_the_terminal(domain) -> None:
     """An error that nobody foresaw is shown, on a terminal that works."""
     screen = Screen(['-c', 'from gear_rattle_ros.nodes import teleop\n'
