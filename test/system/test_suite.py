@@ -15,12 +15,14 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from gear_rattle_ros.bags import Bag
+from gear_rattle_ros.core.fingerprint import fingerprint
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
 from gear_rattle_ros.core.orbits import TransientDetector
 from gear_rattle_ros.core.report_values import texts, transient_values
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import StreamGuard
+from gear_rattle_ros.offline.verify import verify
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 
@@ -118,6 +120,16 @@ def test_recorded_transients_follow_from_the_recorded_events(run):
     # Latched with depth one: reports that were overtaken before they left may be missing.
     assert found and found[-1] == wanted[-1]
     assert all(report in wanted for report in found)
+
+
+def test_the_bag_verifies(run):
+    """Every flight is rebuilt, every estimate and report found again; by the same kernels."""
+    verdict = verify(run[0] / 'bag')
+    assert verdict.is_verified, verdict.describe()
+    assert verdict.flights == verdict.events - 1
+    assert (verdict.exponents, verdict.beyond) == (Bag(run[0] / 'bag').counts['/lyapunov'], 0)
+    assert verdict.transients == Bag(run[0] / 'bag').counts['/transient']
+    assert verdict.kernels <= {fingerprint()}
 
 
 def test_replay_gives_the_same_exponents_and_transients(run, start, rclpy_node, spin):
