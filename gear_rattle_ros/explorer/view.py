@@ -110,11 +110,13 @@ class View:
             A sentence; empty where there is room to go deeper.
 
         """
-        if self.finest() >= 1.05 * FINE:
-            return ''
         width = min(self.phase[1] - self.phase[0], self.velocity[1] - self.velocity[0])
+        # Where the next step of the wheel would lead beyond.
+        if width >= 1.6 * NARROWEST and self.finest() >= 1.6 * FINE:
+            return ''
+        apart = ROUNDINGS * self.finest() / FINE
         return (f'float64 ends here: in a window {width:.1e} wide, {FINE} cells on a side lie '
-                f'only {ROUNDINGS} roundings apart. Zoom out, or go elsewhere.')
+                f'only {apart:.0f} roundings apart. Zoom out, or go elsewhere.')
 
     def command(self, output: str, picture: str) -> list[str]:
         """
