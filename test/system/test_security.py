@@ -152,6 +152,13 @@ def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
                     if protocol.startswith('tcp') and words[3] == '0A':
                         assert address == '0100007F', f'{name} listens on {words[1]}'
                     assert int(port, 16) != multicast, f'{name} listens to multicast'
+    for name, node in running.items():
+        assert node.stop(within=30.0) == 0, name
+    written = [path for path in tmp_path.rglob('*') if path.is_file()]
+    assert tmp_path / 'bag' / 'metadata.yaml' in written and tmp_path / 'run.rrd' in written
+    for path in written:
+        # Neither written to by everybody nor executed by anybody.
+        assert not path.stat().st_mode & 0o113, path
 
 
 def test_the_suite_gives_each_node_its_enclave(monkeypatch: pytest.MonkeyPatch) -> None:
