@@ -183,7 +183,7 @@ class Basin(ShellNode):
         self._stream = self.create_subscription(
             PointCloud2, 'impacts', lambda cloud: None, NEWEST, callback_group=Unwatched())
         self._arrived = self.create_guard_condition(self._publish)
-        self.create_timer(POLL, self._look)
+        self.every(POLL, self._look)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:

@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from gear_rattle_ros.bags import BagWriter
 from gear_rattle_ros.nodes.display import Status
+from gear_rattle_ros.nodes.steering import Steering
 from gear_rattle_ros.nodes.suite import enclave, Monitor, secured
 from gear_rattle_ros.nodes.teleop import Teleop
 from gear_rattle_ros.parameters import TABLES
@@ -106,6 +107,8 @@ def bag_of_everything(path: Path) -> None:
         ('impacts', 'sensor_msgs/msg/PointCloud2'), ('joint_states', 'sensor_msgs/msg/JointState'),
         ('lyapunov', 'sensor_msgs/msg/JointState'), ('basin', 'sensor_msgs/msg/Image'),
         ('transient', 'diagnostic_msgs/msg/DiagnosticArray'),
+        ('attractors', 'sensor_msgs/msg/PointCloud2'),
+        ('basin_state', 'diagnostic_msgs/msg/DiagnosticArray'),
     ):
         channel = writer.add_topic(topic(f'/{name}', kind))
         if name == 'impacts':
@@ -122,20 +125,25 @@ def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
         'simulator': ['-p', 'publish_clock:=true'], 'lyapunov': [], 'transients': [],
         'recorder': ['-p', f'output:={tmp_path}/bag'],
         'viewer': ['-p', 'mode:=none', '-p', f'save:={tmp_path}/run.rrd'],
+        'basin': ['-p', 'size:=100'],
         'replay': ['-p', f'bag:={tmp_path}/old', '-p', 'clock:=true', '-p', 'loop:=true'],
     }
     running = {name: start(name, '--ros-args', *more) for name, more in given.items()}
     here = [Monitor(Status()), Node('teleop')]
     Teleop(here[1])
+    steering = Steering(name='explorer')
     allowed = policies()
-    wanted = {name: allowed[name] for name in (*given, 'suite', 'teleop')}
+    wanted = {name: allowed[name] for name in (*given, 'suite', 'teleop', 'explorer')}
     found: dict[str, Graph] = {}
-    deadline = time.monotonic() + 60.0
+    # The basin node may have to compile first.
+    deadline = time.monotonic() + 240.0
     while found != wanted and time.monotonic() < deadline:
         rclpy.spin_once(here[0], timeout_sec=0.1)
         seen = {name for name, _ in here[0].get_node_names_and_namespaces()}
         found = {name: graph_of(here[0], name) for name in wanted if name in seen}
+        assert all(node.process.poll() is None for node in running.values())
     assert found == wanted
+    steering.close()
     for node in here:
         node.destroy_node()
     multicast = 7400 + 250 * domain
