@@ -20,7 +20,14 @@ from .advancement import (
     stop_behind,
 )
 from .compiled import kernel
-from .elementary import relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
+from .elementary import (
+    arctangent,
+    relaxation,
+    sine_cosine,
+    sine_defect,
+    TWO_PI,
+    TWO_PI_TAIL,
+)
 from .model import STICKING_SPEED
 
 # What holds a trajectory at a moment.
@@ -260,10 +267,10 @@ def release_delay(towards: float, phase: float, alpha: float, beta: float,
     # So close to never leaving, the speed gained is far below that at which it sticks again.
     if abs(gamma) >= amplitude * (1.0 - 1e-12):
         return math.inf
-    angle = math.asin(gamma / amplitude)
+    angle = arctangent(gamma / math.sqrt((amplitude - gamma) * (amplitude + gamma)))
     if towards < 0.0:
         angle = math.pi - angle
-    delay = (angle + math.atan(beta) - phase) % TWO_PI
+    delay = (angle + arctangent(beta) - phase) % TWO_PI
     # A zero just behind, by rounding, is now.
     if delay > TWO_PI - 1e-8:
         return 0.0

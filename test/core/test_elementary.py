@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.elementary import (
+    arctangent,
     exp_minus,
     relaxation,
     sine_cosine,
@@ -45,6 +46,14 @@ def test_sine_and_cosine_within_an_ulp() -> None:
         sine, cosine = sine_cosine(float(x))
         assert ulps(sine, mp.sin(mp.mpf(float(x)))) < 1.5
         assert ulps(cosine, mp.cos(mp.mpf(float(x)))) < 1.5
+
+
+def test_arctangent_within_two_ulps() -> None:
+    """The inverse tangent is good to two ulps for numbers of all sizes, and odd."""
+    for x in np.concatenate([sample(1e-12, 1e12), sample(0.3, 3.0), [0.0, 1.0]]):
+        angle = arctangent(float(x))
+        assert angle == 0.0 if x == 0.0 else ulps(angle, mp.atan(mp.mpf(float(x)))) < 2.0
+        assert arctangent(float(-x)) == -angle
 
 
 @pytest.mark.parametrize('k', [1, 2, 3, 4, 5, 100, 255, 65535, 600000])
