@@ -1,18 +1,19 @@
 """
 Basins and lifetimes from the start of a process to Zarr on disk, next to what else one would use.
 
-Told are: the first start ever, which compiles, and the second; both grids against their targets;
-one thread and two beside a control that does nothing but arithmetic; and the labels that heyoka
-(Taylor series with events) and scipy's solve_ivp give on a coarser grid, compared one by one, with
-a sample of the starts on which they differ decided in 50 digits. heyoka wants an environment of
-its own: name its python in HEYOKA_PYTHON. What is not installed is skipped.
+Prints rows of a Markdown table. The parts, each also alone by --only: the first start ever, which
+compiles, and the second (`start`); both grids (`basin`, `lifetimes`); one thread and two beside a
+control that does nothing but arithmetic (`threads`); a hundredth of a very large basin, with its
+memory (`strip`); and the labels that heyoka (Taylor series with events) and scipy's solve_ivp give
+on coarser grids, compared one by one, with a sample of the starts decided in 50 digits (`peers`).
+heyoka wants an environment of its own: name its python in HEYOKA_PYTHON. What is not installed is
+skipped.
 """
 
 import argparse
+from collections.abc import Iterator
 import os
 from pathlib import Path
-import random
-import resource
 import subprocess
 import sys
 import tempfile
@@ -21,63 +22,65 @@ import time
 
 import numba
 import numpy as np
-from peers.arbiter import label_of
+from peers.comparison import compare, Comparison, decide, PARAMETERS, python_of
 from peers.picture import draw
 
-from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import Catalogue, find_attractors, settle
+from gear_rattle_ros.offline.search import find_attractors, settle
 from gear_rattle_ros.offline.store import open_dataset
 
-FOLLOW = Path(__file__).with_name('peers') / 'follow.py'
-# Tool, options, target [s].
-TARGETS = (
-    ('basins', ['--alpha', '0.48'], 3.0),
-    ('lifetimes', ['--alpha', '1.244', '--cap', '5000'], 25.0),
-)
-# Peer, cells along an edge of its grid, impacts of each start.
-PEERS = (('heyoka', 50, 400), ('scipy', 10, 250))
-NEAR = 0.02
+PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')
+# Options of a tool, target [s].
+GRIDS = {'basins': (['--alpha', '0.48'], 3.0),
+         'lifetimes': (['--alpha', '1.244', '--cap', '5000'], 25.0)}
+# Impacts of each start by a peer.
+IMPACTS = {'heyoka': 400, 'scipy': 250}
 TURNS = 2
-# Starts on which a peer differs that are decided in 50 digits.
-SAMPLE = 8
 ARITHMETIC = 150_000_000
+# A process counts the memory of the one that started it as its own, so a small one starts it.
+WATCH = """
+import os, sys, time
+begin = time.perf_counter()
+pid = os.posix_spawn(sys.argv[1], sys.argv[1:], os.environ)
+_, status, usage = os.wait4(pid, 0)
+print(time.perf_counter() - begin, usage.ru_maxrss / 1024)
+sys.exit(os.waitstatus_to_exitcode(status) != 0)
+"""
+Row = tuple[str, str, str, str]
 
 
-def run(tool: str, store: Path, *options: str, cache: Path | None = None) -> float:
-    """Run a tool in a process of its own; returns seconds."""
+def run(tool: str, store: Path, *options: str, cache: Path | None = None) -> tuple[float, float]:
+    """Run a tool in a process of its own; returns seconds and the peak of its memory [MiB]."""
     environment = dict(os.environ)
     if cache is not None:
         environment['NUMBA_CACHE_DIR'] = str(cache)
-    begin = time.perf_counter()
-    subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', tool, *options, '--output',
-                    str(store)], check=True, capture_output=True, env=environment)
-    return time.perf_counter() - begin
+    done = subprocess.run(
+        [sys.executable, '-S', '-c', WATCH, sys.executable, '-m', 'gear_rattle_ros.start', tool,
+         *options, '--output', str(store)], capture_output=True, env=environment, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    seconds, peak = done.stdout.splitlines()[-1].split()
+    return float(seconds), float(peak)
 
 
-def starts_of_processes(folder: Path) -> None:
+def starts_of_processes(folder: Path) -> Iterator[Row]:
     """Time the first start ever and the second."""
-    first, second = (run('basins', folder / f'small-{turn}.zarr', '--size', '20',
-                         cache=folder / 'cache') for turn in (1, 2))
-    print(f'basins 20 x 20: {first:.1f} s at the first start ever, which compiles; then '
-          f'{second:.2f} s (target 2 s)')
+    for words, target in (('first start ever, which compiles', '-'),
+                          ('second start', 'target 2 s')):
+        seconds, _ = run('basins', folder / f'{words[:5]}.zarr', '--size', '20',
+                         cache=folder / 'cache')
+        yield f'basins 20 x 20, {words}', f'{seconds:.2f} s', target, 'start'
 
 
-def whole(folder: Path) -> None:
-    """Time both grids from start to disk."""
-    for tool, options, target in TARGETS:
-        stores = [folder / f'{tool}-{turn}.zarr' for turn in range(TURNS)]
-        seconds = min(run(tool, store, '--size', '400', *options) for store in stores)
-        dataset = open_dataset(stores[-1])
-        impacts = int(dataset['lifetime'].values.astype(np.int64).sum())
-        print(f'{tool} 400 x 400, {" ".join(options)}: {seconds:.2f} s from start to Zarr (target '
-              f'{target:g} s): {impacts / 1e6:,.1f} million impacts of transients')
-
-
-def search(alpha: float, plane: Plane, threads: int | None = None) -> Catalogue:
-    """Find the attractors as the tool does."""
-    parameters = Parameters(alpha=alpha)
-    return find_attractors(parameters, plane.random_starts(parameters, 1000, 1), threads=threads)
+def whole(tool: str, folder: Path, size: int) -> Iterator[Row]:
+    """Time a grid from start to disk."""
+    options, target = GRIDS[tool]
+    stores = [folder / f'{tool}-{turn}.zarr' for turn in range(TURNS)]
+    seconds = min(run(tool, store, '--size', str(size), *options)[0] for store in stores)
+    impacts = int(open_dataset(stores[-1])['lifetime'].values.astype(np.int64).sum())
+    yield (f'{tool} {size} x {size}, {" ".join(options)}: {impacts / 1e6:,.1f} million impacts of '
+           'transients', f'{seconds:.2f} s from start to Zarr', f'target {target:g} s for 400 x 400',
+           tool if tool == 'lifetimes' else 'basin')
 
 
 @numba.njit(nogil=True)
@@ -101,104 +104,95 @@ def control(threads: int) -> float:
     return time.perf_counter() - begin
 
 
-def computing() -> None:
+def computing(size: int) -> Iterator[Row]:
     """Time the computing alone, with one thread and with two, beside the control."""
-    plane = Plane()
-    starts = plane.starts(Parameters(alpha=0.48), slice(0, 400), slice(0, 400))
+    plane = Plane(phases=size, velocities=size)
+    starts = plane.starts(PARAMETERS, slice(0, size), slice(0, size))
+    draws = plane.random_starts(PARAMETERS, 1000, 1)
     arithmetic(1)
     best, plain = {1: np.inf, 2: np.inf}, {1: np.inf, 2: np.inf}
     for _ in range(TURNS + 1):
         for threads in (1, 2):
             begin = time.perf_counter()
-            settle(starts, 20_000, search(0.48, plane, threads).table(), threads)
+            table = find_attractors(PARAMETERS, draws, threads=threads).table()
+            settle(starts, 20_000, table, threads)
             best[threads] = min(best[threads], time.perf_counter() - begin)
             plain[threads] = min(plain[threads], control(threads))
-    print(f'  of which computing, the search for attractors included: {best[2]:.2f} s (target '
-          f'1.5 s) with two threads, {best[1]:.2f} s with one: {best[1] / best[2]:.2f} times as '
-          f'fast; arithmetic alone in the same turns: {plain[1] / plain[2]:.2f} times')
+    what = f'basins {size} x {size}, search and grid computed'
+    yield f'{what}, two threads', f'{best[2]:.2f} s', 'target 1.5 s for 400 x 400', 'threads'
+    yield (f'{what}, one thread', f'{best[1]:.2f} s: two are {best[1] / best[2]:.2f} times as fast',
+           f'plain arithmetic in the same turns: {plain[1] / plain[2]:.2f} times', 'threads')
 
 
-def strip(folder: Path) -> None:
-    """Compute a hundredth of a basin of 20,000 x 20,000; tell its memory and project its time."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    seconds = run('basins', folder / 'strip.zarr', '--size', '20000', '200', '--velocity', '-0.02',
-                  '0.02', '--tile', '500')
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    print(f'basins 20,000 x 200, a hundredth of 20,000 x 20,000: {seconds:.1f} s, so about '
-          f'{seconds / 36.0:.1f} h for all; peak memory {max(before, peak) / 1024:.0f} MiB')
+def strip(folder: Path, size: int) -> Iterator[Row]:
+    """Compute a hundredth of a very large basin; tell its memory and project its time."""
+    rows = max(size // 100, 1)
+    seconds, peak = run('basins', folder / 'strip.zarr', '--size', str(size), str(rows),
+                        '--velocity', '-0.02', '0.02', '--tile', '500')
+    yield (f'basins {size:,} x {rows:,}, a piece of {size:,} x {size:,}',
+           f'{seconds:.1f} s, peak memory {peak:.0f} MiB',
+           f'all of it: about {seconds * size / rows / 3600.0:.1f} h', 'strip')
 
 
-def compare(peer: str, size: int, count: int, folder: Path) -> tuple[np.ndarray, ...] | None:
-    """Follow a grid by a peer and by the lanes; returns both grids of labels."""
-    python = (os.environ.get('HEYOKA_PYTHON') if peer == 'heyoka' else None) or sys.executable
-    if subprocess.run([python, '-c', f'import {peer}'], capture_output=True).returncode:
-        print(f'  {peer}: not installed for {python}, skipped'
-              + ('; see HEYOKA_PYTHON' if peer == 'heyoka' else ''))
-        return None
-    parameters, plane = Parameters(alpha=0.48), Plane(phases=size, velocities=size)
-    starts = plane.starts(parameters, slice(0, size), slice(0, size))
-    np.save(folder / 'starts.npy', np.stack([starts['phase'], starts['velocity']], axis=1))
-    done = subprocess.run(
-        [python, str(FOLLOW), peer, str(folder / 'starts.npy'), str(folder / 'last.npy'),
-         str(count)], check=True, capture_output=True, text=True)
-    theirs_seconds = float(done.stdout)
-    last = np.load(folder / 'last.npy')
-    catalogue = search(0.48, plane)
-    table = catalogue.table()
-    begin = time.perf_counter()
-    result = settle(starts, 20_000, table)
-    seconds = time.perf_counter() - begin
-    ours = result['label']
-    theirs = np.full(len(starts), -1)
-    for number, orbit in enumerate(catalogue.orbits):
-        for phase, velocity in zip(orbit.phases, orbit.velocities, strict=True):
-            near = (np.abs(np.sin(0.5 * (last[:, 0] - phase))) < 0.5 * NEAR) & (
-                np.abs(last[:, 1] - velocity) < NEAR)
-            theirs[near] = number
-    agree = ours == theirs
-    print(f'  {peer}: {size} x {size} starts, {np.mean(agree):.2%} of the labels agree; '
-          f'{np.mean(~agree & (theirs >= 0)):.2%} are others, {np.mean(theirs < 0):.2%} have '
-          f'none; {theirs_seconds:.2f} s, {theirs_seconds / seconds:,.0f} times as long as here '
-          f'({seconds:.4f} s); at most {len(starts) * count / theirs_seconds:,.0f} impacts/s')
-    decide(peer, starts, ours, theirs, result['lifetime'], catalogue)
-    return ours.reshape(size, size), theirs.reshape(size, size)
-
-
-def decide(peer: str, starts: np.ndarray, ours: np.ndarray, theirs: np.ndarray,
-           lifetimes: np.ndarray, catalogue: Catalogue) -> None:
-    """Follow a sample of the starts that differ in 50 digits."""
-    orbits = [list(zip(orbit.phases.tolist(), orbit.velocities.tolist(), strict=True))
-              for orbit in catalogue.orbits]
-    for words, chosen in (('has another label', (ours != theirs) & (theirs >= 0)),
-                          ('has none', theirs < 0), ('agrees', ours == theirs)):
-        cells = np.flatnonzero(chosen).tolist()
-        sample = random.Random(1).sample(cells, min(SAMPLE, len(cells)))
-        if not sample:
+def peers(folder: Path, sizes: dict[str, int], sample: int, picture: Path) -> Iterator[Row]:
+    """Compare labels with those of the peers, and decide some in 50 digits."""
+    grids: dict[str, Comparison] = {}
+    for peer, size in sizes.items():
+        python = python_of(peer)
+        if not python:
+            yield f'{peer}: not installed, skipped', '-', '-', 'peers'
             continue
-        right = [label_of(starts['phase'][n], starts['velocity'][n], orbits) for n in sample]
-        print(f'    where it {words}, {len(sample)} starts in 50 digits: as here '
-              f'{sum(ours[n] == label for n, label in zip(sample, right, strict=True))}, as '
-              f'{peer} {sum(theirs[n] == label for n, label in zip(sample, right, strict=True))} '
-              f'(median lifetime {np.median(lifetimes[chosen]):.0f} impacts)')
+        found = grids[peer] = compare(peer, python, size, IMPACTS[peer], folder)
+        impacts = size * size * IMPACTS[peer] / found.their_seconds
+        yield (f'labels of {size} x {size} starts at alpha 0.48', f'{found.our_seconds:.4f} s',
+               f'{peer}: {found.their_seconds:.2f} s, '
+               f'{found.their_seconds / found.our_seconds:,.0f} times as long; at most '
+               f'{impacts:,.0f} impacts/s', 'peers')
+        for words, chosen in found.classes().items():
+            if not np.any(chosen):
+                continue
+            count, ours, theirs = decide(found, chosen, sample)
+            yield (f'{peer} has {words}: {np.mean(chosen):.1%} of the starts, median lifetime '
+                   f'{np.median(found.lifetimes[chosen]):.0f} impacts',
+                   f'right here: {ours} of {count} in 50 digits', f'{peer} right: {theirs}',
+                   'peers')
+    if grids:
+        draw({peer: (found.ours.reshape(sizes[peer], -1), found.theirs.reshape(sizes[peer], -1))
+              for peer, found in grids.items()}, picture)
+        print(f'picture: {picture}', file=sys.stderr)
 
 
 def main() -> None:
-    """Print all figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--peers-only', action='store_true')
+    """Print the rows of the parts."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--only', nargs='+', choices=PARTS, default=PARTS, metavar='PART',
+                        help=f'which parts: {", ".join(PARTS)}; all by default')
+    for name, size, words in (('size', 400, 'cells along an edge of both grids'),
+                              ('strip', 20_000, 'cells along an edge of the very large basin'),
+                              ('heyoka', 50, 'cells along an edge for heyoka; 0 for none'),
+                              ('scipy', 12, 'cells along an edge for scipy; 0 for none'),
+                              ('sample', 8, 'starts of a kind decided in 50 digits')):
+        parser.add_argument(f'--{name}', type=int, default=size, metavar='N',
+                            help=f'{words}; {size} by default')
     parser.add_argument('--picture', type=Path, default=Path(tempfile.gettempdir())
                         / 'disagreement.png', help='where the peers differ')
     given = parser.parse_args()
+    sizes = {peer: size for peer in IMPACTS if (size := getattr(given, peer))}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if not given.peers_only:
-            starts_of_processes(folder)
-            whole(folder)
-            computing()
-            strip(folder)
-        print('the same labels by others, at alpha 0.48:')
-        grids = {peer: compare(peer, size, count, folder) for peer, size, count in PEERS}
-        draw({peer: found for peer, found in grids.items() if found}, given.picture)
+        parts = {'start': starts_of_processes(folder),
+                 'basin': whole('basins', folder, given.size),
+                 'lifetimes': whole('lifetimes', folder, given.size),
+                 'threads': computing(given.size),
+                 'strip': strip(folder, given.strip),
+                 'peers': peers(folder, sizes, given.sample, given.picture)}
+        print('| what | measured | beside it | `python benchmark/basins.py --only` |')
+        print('|---|---|---|---|', flush=True)
+        for part in PARTS:
+            if part in given.only:
+                for row in parts[part]:
+                    print(f'| {" | ".join(row)} |', flush=True)
 
 
 if __name__ == '__main__':

@@ -31,4 +31,3 @@ def draw(grids: dict[str, tuple[np.ndarray, np.ndarray]], path: Path) -> None:
         one.set_xticks([0.0, 0.5, 1.0, 1.5, 2.0], ['0', 'π/2', 'π', '3π/2', '2π'])
         one.set_xlabel('drive phase [rad]')
     figure.savefig(path)
-    print(f'  picture: {path}')
