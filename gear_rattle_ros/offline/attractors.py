@@ -34,7 +34,7 @@ class Attractor:
     ----------
     key : str
         Its name, the same in every run: that of a periodic orbit is made of its period and its
-        first point, that of a chaotic one of its pieces and mean speeds.
+        first point, that of a chaotic one of the shortest periodic orbit on it.
     kind : str
         'periodic', 'chaotic', 'resting' on a wall or 'floating' between them for ever.
     label : int

@@ -23,6 +23,7 @@ from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 PACKAGE: Final = 'gear_rattle_ros'
 INTERRUPTED: Final = 130
+GREATEST: Final = 2**31 - 1
 # Endings of pictures.
 PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
 
@@ -176,7 +177,7 @@ def whole(least: int) -> Callable[[str], int]:
     Parameters
     ----------
     least : int
-        The least one taken.
+        The least one taken; the greatest is what 32 bits hold, as lifetimes have.
 
     Returns
     -------
@@ -188,6 +189,8 @@ def whole(least: int) -> Callable[[str], int]:
         value = number(text)
         if value != int(value) or value < least:
             raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from {least} on')
+        if value > GREATEST:
+            raise argparse.ArgumentTypeError(f'{text!r} is more than {GREATEST:,}')
         return int(value)
 
     return read
@@ -394,7 +397,7 @@ def run_tool(parser: argparse.ArgumentParser, arguments: list[str] | None, outpu
     given = parser.parse_args(arguments)
 
     def action() -> int:
-        run = run_of(parser, given, arguments, output.format_map(vars(given)))
+        run = _run_of(parser, given, arguments, output.format_map(vars(given)))
         try:
             with telling_of_compilation(run.name, sys.stderr):
                 return work(given, run)
@@ -423,8 +426,8 @@ def attempt(name: str, action: Callable[[], int]) -> int:
     """
     try:
         return action()
-    except (StoreError, EngineError, ValueError) as error:
-        message = str(error)
+    except (EngineError, MemoryError, StoreError, ValueError) as error:
+        message = str(error) or 'not enough memory'
     except OSError as error:
         message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
     print(f'{name}: {message}', file=sys.stderr)
@@ -448,38 +451,17 @@ def say_stopped(run: Run) -> int:
     """
     try:
         store = Store(run.output)
+        total = len(store.tiles)
+        done = total - len(store.pending())
     except StoreError:
-        return say_interrupted(run, 0, 0)
-    return say_interrupted(run, len(store.tiles) - len(store.pending()), len(store.tiles))
+        done = total = 0
+    print(f'{run.name}: stopped; {done:,} of {total:,} tiles are kept in {run.output}; go on '
+          f'with: {run.how_to_resume()}', file=sys.stderr)
+    return INTERRUPTED
 
 
-def run_of(parser: argparse.ArgumentParser, given: argparse.Namespace,
-           arguments: list[str] | None, output: str) -> Run:
-    """
-    Read how to run.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the tool.
-    given : Namespace
-        What was given.
-    arguments : list of str or None
-        The words given to `main`.
-    output : str
-        Name of the store by default.
-
-    Returns
-    -------
-    Run
-        How.
-
-    Raises
-    ------
-    ValueError
-        If the picture cannot be written.
-
-    """
+def _run_of(parser: argparse.ArgumentParser, given: argparse.Namespace,
+            arguments: list[str] | None, output: str) -> Run:
     words = sys.argv[1:] if arguments is None else arguments
     if given.picture is not None:
         # Told before a long computation, not after it.
@@ -492,25 +474,3 @@ def run_of(parser: argparse.ArgumentParser, given: argparse.Namespace,
     return Run(parser.prog, shlex.join(['ros2', 'run', PACKAGE, parser.prog, *words]),
                given.output or Path(output), given.resume, given.cluster, given.threads,
                given.picture)
-
-
-def say_interrupted(run: Run, done: int, total: int) -> int:
-    """
-    Say what Ctrl-C has left and how to go on.
-
-    Parameters
-    ----------
-    run : Run
-        What was running.
-    done, total : int
-        Tiles.
-
-    Returns
-    -------
-    int
-        The exit status, 130.
-
-    """
-    print(f'{run.name}: stopped; {done:,} of {total:,} tiles are kept in {run.output}; go on '
-          f'with: {run.how_to_resume()}', file=sys.stderr)
-    return INTERRUPTED

@@ -1,18 +1,20 @@
 """Bad input is refused in one line; Ctrl-C keeps what is done and says how to go on."""
 
+import json
 import shlex
 import signal
 import subprocess
 import sys
 import time
 
+from grids import files_of
 import numpy as np
 import pytest
 
 from gear_rattle_ros.offline import attractors, basins, lifetimes
 from gear_rattle_ros.offline.cli import number, Parser
 from gear_rattle_ros.offline.progress import in_words, Progress
-from gear_rattle_ros.offline.store import Store, StoreError
+from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
 
@@ -31,6 +33,8 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('basins', '--size 3 4 5', '--size takes one or two numbers'),
     ('basins', '--size 2.5', "'2.5' is not a whole number"),
     ('basins', '--displacement 0.5', 'displacement = 0.5 is outside [-1, 0]'),
+    ('basins', '--cap 3e9', "'3e9' is more than 2,147,483,647"),
+    ('basins', '--threads 0', "'0' is not a whole number from 1 on"),
     ('basins', '--cap 0', "'0' is not a whole number from 1 on"),
     ('basins', '--tolerance 0', 'tolerance = 0 is not between'),
     ('basins', '--picture /nowhere/at/all/a.png', 'cannot be written'),
@@ -69,12 +73,14 @@ def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
     assert basins.main([*common, '--resume']) == 0
 
 
-def test_ctrl_c_keeps_finished_tiles(tmp_path):
+@pytest.mark.parametrize(('tool', 'options', 'grids'), [
+    ('basins', '--alpha 1.244 --cap 4000 --starts 64 --hold 4000', ('label', 'lifetime')),
+    ('lifetimes', '--cap 4000 --starts 64 --hold 4000', ('label', 'lifetime', 'survival'))])
+def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     """A real process is interrupted, and the command it prints finishes the store."""
     def command(path):
-        return [sys.executable, '-m', 'gear_rattle_ros.start', 'lifetimes', '--size', '80',
-                '--tile', '16', '--cap', '4000', '--starts', '64', '--hold', '4000', '--threads',
-                '1', '--output', str(path)]
+        return [sys.executable, '-m', 'gear_rattle_ros.start', tool, '--size', '80', '--tile',
+                '16', '--threads', '1', *shlex.split(options), '--output', str(path)]
 
     path = tmp_path / 'a.zarr'
     process = subprocess.Popen(command(path), stderr=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -90,19 +96,47 @@ def test_ctrl_c_keeps_finished_tiles(tmp_path):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=20)
     assert process.returncode == 130
-    line = said.strip().splitlines()[-1]
+    line, = (one for one in said.splitlines() if 'stopped; ' in one)
     assert 'Traceback' not in said
     pending = Store(path).pending()
     assert f'{25 - len(pending)} of 25 tiles are kept in {path}' in line
     assert 0 < len(pending) < 25
     resume = shlex.split(line.split('go on with: ')[1])
-    assert resume[:4] == ['ros2', 'run', 'gear_rattle_ros', 'lifetimes']
+    assert resume[:4] == ['ros2', 'run', 'gear_rattle_ros', tool]
     assert resume[-1] == '--resume'
-    assert lifetimes.main(resume[4:]) == 0
-    assert lifetimes.main(command(tmp_path / 'b.zarr')[4:]) == 0
-    for name in ('label', 'lifetime', 'survival'):
-        assert np.array_equal(Store(path).read_all(name),
-                              Store(tmp_path / 'b.zarr').read_all(name))
+    assert TOOLS[tool](resume[4:]) == 0
+    assert TOOLS[tool](command(tmp_path / 'b.zarr')[4:]) == 0
+    resumed, whole = Store(path), Store(tmp_path / 'b.zarr')
+    assert files_of(resumed) == files_of(whole)
+    for name in grids:
+        assert np.array_equal(resumed.read_all(name), whole.read_all(name))
+
+
+@pytest.mark.parametrize('tool', sorted(TOOLS))
+def test_every_dataset_says_what_it_is(tmp_path, tool):
+    """Names and units of all arrays, coordinates of the grid, parameters, versions, command."""
+    path = tmp_path / 'a.zarr'
+    grid = [] if tool == 'attractors' else ['--size', '5', '4', '--cap', '900']
+    options = ['--beta', '0.11', '--starts', '30', '--hold', '1000', *grid, '--output', str(path)]
+    assert TOOLS[tool](options) == 0
+    dataset = open_dataset(path)
+    for name, array in dataset.variables.items():
+        assert array.attrs['long_name'], name
+        # Names of attractors have no unit.
+        assert array.attrs['units'] or array.dtype.kind in 'UOT', name
+    if grid:
+        assert dataset['phase'].attrs['units'] == 'rad'
+        assert dataset['label'].dims == dataset['lifetime'].dims == ('velocity', 'phase')
+        assert dict(dataset['label'].sizes) == {'velocity': 4, 'phase': 5}
+        assert {'phase', 'velocity'} <= set(dataset.coords)
+    attributes = dataset.attrs
+    assert (attributes['tool'], attributes['beta'], attributes['seed']) == (tool, 0.11, 1)
+    for name in ('alpha', 'gamma', 'restitution', 'displacement', 'phase_window',
+                 'velocity_window', 'tolerance', 'hold', 'starts', 'created', 'title'):
+        assert name in attributes
+    assert attributes['command'] == shlex.join(
+        ['ros2', 'run', 'gear_rattle_ros', tool, *options])
+    assert json.loads(attributes['versions'])['numpy'] == np.__version__
 
 
 @pytest.mark.parametrize(('text', 'value'), [
