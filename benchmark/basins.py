@@ -79,8 +79,8 @@ def whole(tool: str, folder: Path, size: int) -> Iterator[Row]:
     seconds = min(run(tool, store, '--size', str(size), *options)[0] for store in stores)
     impacts = int(open_dataset(stores[-1])['lifetime'].values.astype(np.int64).sum())
     yield (f'{tool} {size} x {size}, {" ".join(options)}: {impacts / 1e6:,.1f} million impacts of '
-           'transients', f'{seconds:.2f} s from start to Zarr', f'target {target:g} s for 400 x 400',
-           tool if tool == 'lifetimes' else 'basin')
+           'transients', f'{seconds:.2f} s from start to Zarr',
+           f'target {target:g} s for 400 x 400', tool if tool == 'lifetimes' else 'basin')
 
 
 @numba.njit(nogil=True)
@@ -120,7 +120,8 @@ def computing(size: int) -> Iterator[Row]:
             plain[threads] = min(plain[threads], control(threads))
     what = f'basins {size} x {size}, search and grid computed'
     yield f'{what}, two threads', f'{best[2]:.2f} s', 'target 1.5 s for 400 x 400', 'threads'
-    yield (f'{what}, one thread', f'{best[1]:.2f} s: two are {best[1] / best[2]:.2f} times as fast',
+    yield (f'{what}, one thread',
+           f'{best[1]:.2f} s: two are {best[1] / best[2]:.2f} times as fast',
            f'plain arithmetic in the same turns: {plain[1] / plain[2]:.2f} times', 'threads')
 
 

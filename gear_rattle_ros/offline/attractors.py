@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from . import cli
 from .grid import Plane
+from .layout import Layout
 from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
-from .store import Layout, make_store, Store
+from .store import make_store, Store
 from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
 from ..core.elementary import TWO_PI
 from ..core.model import Parameters

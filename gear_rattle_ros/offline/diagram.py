@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from .ensembles import Kind, Settled, Window
 from .grid import Plane
-from .store import Axis, Layout, Variable
+from .layout import Axis, Layout, Variable
 from ..core.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 

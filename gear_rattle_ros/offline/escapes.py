@@ -13,7 +13,8 @@ from .engine import run_tiles
 from .ensembles import orbit_of, run_ensemble, Window
 from .escape_rates import escape_rate, EscapeRate
 from .grid import make_starts, Plane
-from .store import Axis, Layout, make_store, Store, Variable
+from .layout import Axis, Layout, Variable
+from .store import make_store, Store
 from .tangency import Tangency
 from ..core.escape import CAPTURED, last_until_captured, STEPS, SURVIVED, UNUSED
 from ..core.lanes import new_impacts, new_tiles

@@ -10,8 +10,9 @@ from . import cli
 from .attractors import identity_of
 from .engine import run_tiles
 from .grid import Plane, StartArray
+from .layout import Axis, Layout, Variable
 from .search import BATCH
-from .store import Axis, Layout, make_store, Store, Variable
+from .store import make_store, Store
 from ..core.growth import grow, STEPS
 from ..core.lanes import new_impacts, new_tiles
 from ..core.model import Parameters

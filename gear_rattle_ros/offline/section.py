@@ -22,7 +22,8 @@ from .cli import (
 )
 from .ensembles import orbit_of, SAME
 from .grid import Plane, TWO_PI
-from .store import Axis, Layout, make_store, Store, Variable
+from .layout import Axis, Layout, Variable
+from .store import make_store, Store
 from ..core.closed_orbits import PeriodicOrbit, same_orbit
 from ..core.model import Parameters
 from ..core.recorded import record_impacts

@@ -12,8 +12,9 @@ import numpy as np
 from .cli import Run
 from .engine import run_tiles
 from .grid import Plane
+from .layout import Axis, Layout, Variable
 from .search import Catalogue, orbits_among, settle_here, STAGES
-from .store import Axis, Layout, make_store, Store, Variable
+from .store import make_store, Store
 from ..core.classify import RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
 from ..core.periodic import Orbit

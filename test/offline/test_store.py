@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 import zarr
 
-from gear_rattle_ros.offline.store import (
-    Axis,
-    Layout,
-    make_store,
-    open_dataset,
-    Store,
-    StoreError,
-    Variable,
-)
+from gear_rattle_ros.offline.layout import Axis, Layout, Variable
+from gear_rattle_ros.offline.store import make_store, open_dataset, Store, StoreError
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
