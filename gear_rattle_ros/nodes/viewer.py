@@ -6,9 +6,10 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
+from .viewer_basin import BasinInput, BasinPicture
 from .viewer_recent import Recent
 from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
 from .viewer_sinks import chosen_mode, file_recording, Window
@@ -45,11 +46,21 @@ class Viewer(ShellNode):
         self._holes = HoleLog(self, self._recent.guard, 'the axes go on')
         self._estimate: Mapping[str, float] = {}
         self._transient: tuple[str, Mapping[str, str]] = ('', {})
+        self._basin_input = BasinInput()
+        self._basin: BasinPicture | None = None
         self._waiting_since = math.inf
         self._lag = 0.0
         self._input = EventInput(self, self._take)
         self.create_subscription(JointState, 'lyapunov', self._take_estimate, STREAM)
         self.create_subscription(DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        pictures = self._basin_input
+        for kind, name, take in (
+            (Image, 'basin', pictures.take_image),
+            (PointCloud2, 'attractors', pictures.take_attractors),
+            (DiagnosticArray, 'basin_state', pictures.take_state),
+        ):
+            self.create_subscription(
+                kind, name, lambda message, take=take: self._take_basin(take(message)), LATCHED)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
@@ -94,6 +105,12 @@ class Viewer(ShellNode):
         self._transient = (status.message, {item.key: item.value for item in status.values})
         for scene in self._scenes:
             scene.say(status.message, 'INFO', self._recent.now)
+
+    def _take_basin(self, picture: BasinPicture | None) -> None:
+        if picture is not None:
+            self._basin = picture
+            for scene in self._scenes:
+                scene.take_basin(picture)
 
     def _draw(self) -> None:
         now = time.monotonic()
@@ -140,6 +157,8 @@ class Viewer(ShellNode):
                       f'λ2 = {e["lambda_2"]:.5f} ± {e["lambda_2_error"]:.5f}',
                       f'λ1 + λ2 = {e["sum"]:.6f}, exact {e["exact_sum"]:.6f}',
                       f'over {e["impacts"]:,.0f} impacts']
+        if self._basin is not None:
+            lines += ['', '**Basins** ' + self._basin.words[0], *self._basin.words[1:]]
         # Two blanks make Markdown break the line.
         return '  \n'.join(lines)
 

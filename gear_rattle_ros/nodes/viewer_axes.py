@@ -24,6 +24,8 @@ LABEL: Final = 0xE4E7ECFF
 BRIGHT: Final = 0xFFFFFFFF
 MOTION: Final = 0x6CC5FFFF
 WALL: Final = 0xE0A040FF
+# Basins are so faint that impacts stand out from them.
+BASIN_OPACITY: Final = 0.35
 # Plasma without its darkest part, evenly spaced.
 _PLASMA: Final = np.array([
     (0x74, 0x3A, 0xC0), (0x96, 0x38, 0xB8), (0xB8, 0x3C, 0x98), (0xD8, 0x57, 0x6B),
@@ -38,6 +40,12 @@ def colours_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
     red, green, blue = (
         np.interp(values, place, channel).astype(np.uint32) for channel in _PLASMA.T)
     return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
+
+
+def greys_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+    """Return RGBA colours of values from 0 (dark grey) to 1 (white), seen over any basin."""
+    level = (0x50 + (0xFF - 0x50) * np.clip(values, 0.0, 1.0)).astype(np.uint32)
+    return np.asarray(level << 24 | level << 16 | level << 8 | 0xFF, np.uint32)
 
 
 def velocity_ticks(limit: float) -> tuple[list[str], list[tuple[float, float]]]:
@@ -64,6 +72,8 @@ def section_axes() -> list[Logged]:
             ticks, labels=['0', 'π/2', 'π', '3π/2', '2π'], show_labels=True, radii=0.0,
             colors=LABEL)),
         ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=LABEL, show_labels=True)),
+        ('section/plane/attractors', rr.Points2D.from_fields(
+            radii=rr.Radius.ui_points(3.5), draw_order=20.0)),
         ('section/plane/impacts', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(1.3), draw_order=30.0)),
         ('section/plane/newest', rr.Points2D.from_fields(

@@ -11,13 +11,16 @@ import rerun as rr
 
 from .scales import nice_limit
 from .viewer_axes import (
+    BASIN_OPACITY,
     colours_of,
     flight_axes,
     FLIGHT_PERIODS,
+    greys_of,
     HALF_HEIGHT,
     section_axes,
     velocity_ticks,
 )
+from .viewer_basin import BasinPicture
 from .viewer_recent import Recent, ROW, RowArray
 from ..core.axes import Place
 from ..core.reconstruction import rebuild
@@ -70,7 +73,10 @@ class Scene:
         self._seen = 0
         self._ring = np.empty(0, ROW)
         self._old = np.empty(0, ROW)
-        self._limit = 0.0
+        # Of the velocities of the section; the impacts need so much, the basins so much.
+        self._limit = self._needed = 0.0
+        self._basin: BasinPicture | None = None
+        self._has_new_basin = False
         self._estimates: deque[Mapping[str, float]] = deque(maxlen=ESTIMATES_MOST)
         self._document = ''
         for path, archetype in (*section_axes(), *flight_axes()):
@@ -94,6 +100,10 @@ class Scene:
         """Take an estimate of the exponents; only the newest few of each interval are drawn."""
         self._estimates.append(values)
 
+    def take_basin(self, picture: BasinPicture) -> None:
+        """Take a picture of the basins; only the newest of each interval is drawn."""
+        self._basin, self._has_new_basin = picture, True
+
     def draw(self, recent: Recent, document: str, time: float) -> None:
         """Log what is new at a moment of wall time [s]."""
         age = time - (time if self._begun is None else self._begun)
@@ -108,6 +118,7 @@ class Scene:
             self._draw_alpha(recent.changes_after(self._seen)[-CHANGES_MOST:], recent.now)
             self._seen = recent.seen
         self._draw_exponents(recent)
+        self._draw_basin(recent.now)
         if document != self._document:
             self._document = document
             self._send('state', recent.now, rr.TextDocument.columns(
@@ -135,23 +146,46 @@ class Scene:
             [self._old, ring[:-SECTION_POINTS:OLD_STEP]])[-OLD_POINTS:]
         self._ring = ring[-SECTION_POINTS:]
         ring = np.concatenate([self._old, self._ring])
-        limit = nice_limit(float(np.abs(ring['velocity']).max()), self._limit)
-        if limit != self._limit:
-            self._limit = limit
-            self._send('section/plane', now, rr.Transform3D.columns(
-                scale=[[1.0, -HALF_HEIGHT / limit, 1.0]]))
-            labels, places = velocity_ticks(limit)
-            self._send('section/velocity', now, [
-                *rr.Points2D.columns(positions=places).partition([len(places)]),
-                *rr.Points2D.columns(labels=labels).partition([len(labels)])])
+        self._needed = nice_limit(float(np.abs(ring['velocity']).max()), self._needed)
+        self._scale(now)
         if self._by_alpha:
             colours = colours_of((ring['alpha'] - 0.4) / 1.4)
         else:
-            colours = colours_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
+            colours = greys_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
         self._send('section/plane/impacts', now, [
             *self._points(ring),
             *rr.Points2D.columns(colors=colours).partition([len(ring)])])
         self._send('section/plane/newest', now, self._points(ring[-BRIGHT_POINTS:]))
+
+    def _scale(self, now: Place) -> None:
+        limit = max(self._needed, 0.0 if self._basin is None else self._basin.high)
+        if limit == self._limit:
+            return
+        self._limit = limit
+        self._send('section/plane', now, rr.Transform3D.columns(
+            scale=[[1.0, -HALF_HEIGHT / limit, 1.0]]))
+        labels, places = velocity_ticks(limit)
+        self._send('section/velocity', now, [
+            *rr.Points2D.columns(positions=places).partition([len(places)]),
+            *rr.Points2D.columns(labels=labels).partition([len(labels)])])
+
+    def _draw_basin(self, now: Place) -> None:
+        picture = self._basin
+        if picture is None or not self._has_new_basin:
+            return
+        self._has_new_basin = False
+        self._scale(now)
+        # From pixels, the first at the top left, to phase and velocity.
+        self._send('section/plane/basin', now, rr.Transform3D.columns(
+            translation=[[0.0, picture.high, 0.0]],
+            scale=[[TWO_PI / picture.width, (picture.low - picture.high) / picture.height, 1.0]]))
+        self._send('section/plane/basin/image', now, rr.EncodedImage.columns(
+            blob=[picture.png], media_type=['image/png'], opacity=[BASIN_OPACITY],
+            draw_order=[-10.0]))
+        count = len(picture.points)
+        self._send('section/plane/attractors', now, [
+            *rr.Points2D.columns(positions=picture.points).partition([count]),
+            *rr.Points2D.columns(colors=picture.colours).partition([count])])
 
     def _points(self, rows: RowArray) -> list[rr.ComponentColumn]:
         places = np.stack([rows['phase'], rows['velocity']], axis=1).astype(np.float32)

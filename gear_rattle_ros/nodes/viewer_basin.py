@@ -1,0 +1,100 @@
+"""Pictures of the basins as they come in: three messages that belong together."""
+
+import dataclasses
+import struct
+from typing import Final
+import zlib
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import Image, PointCloud2
+
+from ..messages import nanoseconds_from_stamp
+
+# A quick compression: few colours make it small anyway.
+LEVEL: Final = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class BasinPicture:
+    """A picture of the plane with its window of velocities, and the points of the attractors."""
+
+    png: bytes
+    width: int
+    height: int
+    low: float
+    high: float
+    # Phase and velocity of shape (n, 2), and RGBA colours.
+    points: npt.NDArray[np.float32]
+    colours: npt.NDArray[np.uint32]
+    words: tuple[str, ...]
+
+
+class BasinInput:
+    """Puts image, attractors and state together, whichever comes first."""
+
+    def __init__(self) -> None:
+        self._image: Image | None = None
+        self._attractors: PointCloud2 | None = None
+        self._state: DiagnosticArray | None = None
+
+    def take_image(self, message: Image) -> BasinPicture | None:
+        """Take the image; return the picture if it is complete."""
+        self._image = message
+        return self._complete()
+
+    def take_attractors(self, message: PointCloud2) -> BasinPicture | None:
+        """Take the attractors; return the picture if it is complete."""
+        self._attractors = message
+        return self._complete()
+
+    def take_state(self, message: DiagnosticArray) -> BasinPicture | None:
+        """Take the state; return the picture if it is complete."""
+        self._state = message
+        return self._complete()
+
+    def _complete(self) -> BasinPicture | None:
+        image, cloud, state = self._image, self._attractors, self._state
+        if image is None or cloud is None or state is None or not state.status:
+            return None
+        values = {item.key: item.value for item in state.status[0].values}
+        stamps = {nanoseconds_from_stamp(one.header.stamp) for one in (image, cloud, state)}
+        if len(stamps) > 1 or values.get('size') != str(image.width):
+            return None
+        # Each message is in one picture only.
+        self._image = self._attractors = self._state = None
+        points, colours = points_of(cloud)
+        pixels = np.frombuffer(bytes(image.data), np.uint8)
+        return BasinPicture(
+            png_of(pixels.reshape(image.height, image.width, 3)), image.width, image.height,
+            float(values['velocity_low']), float(values['velocity_high']), points, colours,
+            tuple(status.message for status in state.status))
+
+
+def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
+    """Return phase and velocity of a cloud's points, and their colours as RGBA."""
+    offsets = {field.name: field.offset for field in cloud.fields}
+    names = ('x', 'y', 'rgb')
+    records = np.frombuffer(bytes(cloud.data), np.dtype({
+        'names': names, 'formats': ['<f4', '<f4', '<u4'],
+        'offsets': [offsets[name] for name in names], 'itemsize': cloud.point_step}))
+    return (np.stack([records['x'], records['y']], axis=1),
+            np.asarray(records['rgb'] << np.uint32(8) | np.uint32(0xFF)))
+
+
+def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """Return pixels of shape (height, width, 3) as a PNG file."""
+    height, width, _ = pixels.shape
+    # Every row begins with the number of its filter: none.
+    rows = np.zeros((height, 3 * width + 1), np.uint8)
+    rows[:, 1:] = pixels.reshape(height, 3 * width)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack('>I', len(data)) + kind + data + struct.pack(
+            '>I', zlib.crc32(kind + data))
+
+    # Eight bits of red, green and blue.
+    header = struct.pack('>IIBBBBB', width, height, 8, 2, 0, 0, 0)
+    return (b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header)
+            + chunk(b'IDAT', zlib.compress(rows.tobytes(), LEVEL)) + chunk(b'IEND', b''))
