@@ -29,9 +29,9 @@ from gear_rattle_ros.qos import LATCHED, STREAM
 # Alphas of the paper's stories: two periodic attractors, one of them chaotic, chaos alone, before
 # and after the crisis.
 ALPHAS = (0.48, 0.57, 0.5, 1.0, 1.23, 1.244)
-ROUNDS = 4
+ROUNDS = 3
 STAY = 3.0
-FLAT_OUT = 12.0
+FLAT_OUT = 10.0
 OTHERS = ('lyapunov', 'transients')
 
 

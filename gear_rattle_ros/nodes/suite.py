@@ -114,6 +114,7 @@ class Suite:
         self._processes = Processes(self._folder / 'log')
         self._ros_arguments = ros_arguments
         self._summary: subprocess.Popen[bytes] | None = None
+        self._readers = (*READERS, 'basin') if options.basin else READERS
         self._status = Status(duration=options.duration, alpha=options.alpha)
 
     def run(self) -> None:
@@ -159,14 +160,15 @@ class Suite:
                 'initial_phase': options.phase,
                 'initial_displacement': options.displacement,
                 'initial_velocity': options.velocity,
-                'wait_for_readers': len(READERS),
+                'wait_for_readers': len(self._readers),
             },
             'recorder': {'output': str(folder / 'bag')},
             'viewer': {'mode': options.viewer, 'save': str(folder / 'run.rrd')},
             'lyapunov': {},
             'transients': {},
+            'basin': {},
         }
-        for name in ('simulator', *READERS):
+        for name in ('simulator', *self._readers):
             parameters = [
                 word for key, value in own[name].items()
                 for word in ('-p', f'{key}:={_yaml(value)}')]
@@ -182,7 +184,7 @@ class Suite:
     def _end_nodes(self) -> None:
         self._processes.stop(['simulator'], within=1.0)
         # What is under way arrives; the analysis nodes say their last word to the recorder.
-        self._processes.stop(['lyapunov', 'transients'], within=1.0)
+        self._processes.stop(['lyapunov', 'transients', 'basin'], within=1.0)
         self._processes.stop(['recorder', 'viewer'], within=WRITTEN_WITHIN)
         if self._summary is not None:
             try:
@@ -331,6 +333,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--velocity', type=float, default=-1.0, help='initial [1] (%(default)s)')
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
+    add('--basin', action=argparse.BooleanOptionalAction, default=True,
+        help='compute the basins of the present parameters (on)')
     add('--output', help='folder for everything (runs/<date and time>)')
     parser.set_defaults(alpha_target=0.0, alpha_rate=0.0, plays_out=False)
     options = parser.parse_args(arguments)
