@@ -228,6 +228,7 @@ def check(pixels: Pixels, basins: Basins) -> None:
                 looked += 1
                 same.append(hues[int(y), int(x)] == near[0, 0] + 1)
     assert looked > 40 and np.mean(same) > 0.9
+
     # The newest impacts, white, are those of one of the orbits.
     def is_bright(phase: float, velocity: float) -> bool:
         x = left + phase / (2.0 * math.pi) * (right - left)
