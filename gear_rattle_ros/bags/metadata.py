@@ -139,9 +139,11 @@ def file_names(directory: Path) -> list[str]:
     try:
         content = yaml.safe_load(path.read_text('utf-8'))
         information = content['rosbag2_bagfile_information']
-        if information['storage_identifier'] != 'mcap':
-            raise BagError(
-                f'{path}: storage is {information["storage_identifier"]!r}, not mcap')
+        storage = information['storage_identifier']
+        if storage != 'mcap':
+            # Of a few lines of YAML a value may be made that fills the memory when it is printed.
+            named = repr(storage) if isinstance(storage, str) else type(storage).__name__
+            raise BagError(f'{path}: storage is {named[:80]}, not mcap')
         names = list(information['relative_file_paths'])
         if not all(isinstance(name, str) and name == Path(name).name for name in names):
             raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
@@ -149,5 +151,8 @@ def file_names(directory: Path) -> list[str]:
     except FileNotFoundError:
         return sorted(
             (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError):
+    except BagError:
+        raise
+    except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        # What yaml makes of a bad date, number or nesting is not always an error of its own.
         raise BagError(f'{path}: is not the metadata of a bag') from None

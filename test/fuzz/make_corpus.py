@@ -1,15 +1,12 @@
-"""Make the inputs that fuzzing starts from. Run: python test/fuzz/make_corpus.py."""
+"""Make the inputs that fuzzing starts from: PYTHONPATH=test python test/fuzz/make_corpus.py."""
 
 import io
 from pathlib import Path
-import sys
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+import bag_maker
+from mcap.writer import CompressionType, Writer
 
-import bag_maker  # noqa: E402
-from mcap.writer import CompressionType, Writer  # noqa: E402
-
-from gear_rattle_ros.bags import metadata  # noqa: E402
+from gear_rattle_ros.bags import metadata
 
 CORPUS = Path(__file__).parent / 'corpus'
 TOPIC = bag_maker.topic('/impacts', 'sensor_msgs/msg/PointCloud2')

@@ -1,4 +1,4 @@
-"""Everything here that reads bytes of others: what it makes of them, or its one line of refusal."""
+"""What reads bytes of others: what it makes of them, or its one line of refusal."""
 
 from pathlib import Path
 import tempfile

@@ -1,0 +1,33 @@
+"""Damaged input is refused in one line, or read; the corpus, cut and with bits flipped."""
+
+from pathlib import Path
+
+from hypothesis import given, settings, strategies as st
+import pytest
+from readers import read
+
+CORPUS = [path.read_bytes() for path in sorted((Path(__file__).parent / 'corpus').iterdir())]
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_cut_and_flipped(data: st.DataObject) -> None:
+    """Whatever is cut off or flipped, nothing escapes but our own error."""
+    whole = bytearray(data.draw(st.sampled_from(CORPUS)))
+    for place in data.draw(st.lists(st.integers(8, 8 * len(whole) - 1), max_size=8)):
+        whole[place // 8] ^= 1 << place % 8
+    read(bytes(whole[:data.draw(st.integers(1, len(whole)))]))
+
+
+def test_the_corpus_is_read() -> None:
+    """Nothing in it is refused."""
+    assert len(CORPUS) == 8
+    assert [read(data) for data in CORPUS] == [''] * 8
+
+
+@pytest.mark.parametrize('text', [
+    '[' * 5000, 'a: 2001-99-99', '- 1', '!!int x: 1', '!!float "": 1', '!!timestamp x', '\x00',
+    'rosbag2_bagfile_information: {storage_identifier: [a, b]}', '!!python/object:os.system x'])
+def test_metadata_that_is_none(text: str) -> None:
+    """What yaml itself trips over is refused as well, naming the file."""
+    assert 'metadata.yaml: ' in read(b'Y' + text.encode())
