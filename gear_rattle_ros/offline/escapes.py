@@ -69,7 +69,7 @@ class Escapes:
 
     @property
     def starts(self) -> int:
-        """Number of starts of a part, so many that all lanes are in use to the last escape."""
+        """Count the starts of a part: so many that all lanes are in use to the last escape."""
         return 2 * self.wanted_of_part + LANES
 
     @property

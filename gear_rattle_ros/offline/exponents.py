@@ -139,8 +139,8 @@ def main(arguments: list[str] | None = None) -> int:
         def draw() -> cli.Figure:
             from .pictures import draw_exponents, thinned
             return draw_exponents(
-                values[thinned(plane)], plane, f'Finite-time exponents over {given.impacts} '
-                f'impacts, alpha {parameters.alpha:g}, s = {plane.displacement:g}')
+                store.read_every('exponent', thinned(plane)), plane,
+                f'Finite-time exponents over {given.impacts} impacts, alpha {parameters.alpha:g}, s = {plane.displacement:g}')
 
         return run.finish(draw)
 

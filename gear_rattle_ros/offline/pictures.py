@@ -6,6 +6,7 @@ from typing import Any, Final
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PathCollection
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .attractors import Attractor
-from .figures_style import phase_ticks
+from .figures_style import hue, phase_ticks
 from .grid import Plane
 from .search import Catalogue
 from ..core.classify import UNRESOLVED
@@ -159,20 +160,25 @@ def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Fig
 
     """
     figure, axes = _new(f'Attractors on the section, {in_words(catalogue)}')
-    for colour, each in zip(_colours(len(attractors)), attractors, strict=True):
+    for number, each in enumerate(attractors):
+        # Dark on white, as a chaotic attractor is a thin line.
+        colour = hue(number)
         label = f'{each.key}  {100.0 * each.share:.1f} %'
         if each.kind == 'chaotic':
             boxes = catalogue.chaotic[each.label - len(catalogue.orbits)].boxes
             side, row, column = np.nonzero(boxes)
             edge = boxes.shape[1]
             velocity = (row + 0.5) * catalogue.box_speed / edge * (1.0 - 2.0 * side)
-            axes.scatter((column + 0.5) * 2.0 * math.pi / edge, velocity, s=1.0, color=colour,
+            axes.scatter((column + 0.5) * 2.0 * math.pi / edge, velocity, s=3.0, color=colour,
                          linewidths=0, label=label)
         elif len(each.points):
             axes.scatter(each.points[:, 1], each.points[:, 2], s=40, color=colour, label=label)
     axes.axhline(0.0, color='#808080', linewidth=0.6)
     axes.set_xlim(0.0, 2.0 * math.pi)
-    figure.legend(loc='outside lower center', ncols=2, frameon=False, markerscale=1.5)
+    legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
+    for handle in legend.legend_handles:
+        if isinstance(handle, PathCollection):
+            handle.set_sizes([60.0])
     _label(axes, None)
     axes.set_ylabel("velocity before the impact s' [1]; upper wall above 0, lower below")
     return figure

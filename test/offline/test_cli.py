@@ -8,10 +8,11 @@ import sys
 import time
 
 from grids import files_of
+from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from gear_rattle_ros.offline import attractors, basins, lifetimes
+from gear_rattle_ros.offline import attractors, basins, exponents, lifetimes
 from gear_rattle_ros.offline.cli import number, Parser
 from gear_rattle_ros.offline.progress import in_words, Progress
 from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
@@ -110,6 +111,15 @@ def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     assert files_of(resumed) == files_of(whole)
     for name in grids:
         assert np.array_equal(resumed.read_all(name), whole.read_all(name))
+
+
+def test_exponents_are_drawn(tmp_path):
+    """The tool writes a picture beside the store."""
+    picture = tmp_path / 'a.png'
+    assert exponents.main(['--size', '12', '9', '--impacts', '20', '--output',
+                           str(tmp_path / 'a.zarr'), '--picture', str(picture)]) == 0
+    height, width, _ = imread(picture).shape
+    assert (width, height) == (1080, 960)
 
 
 @pytest.mark.parametrize('tool', sorted(TOOLS))
