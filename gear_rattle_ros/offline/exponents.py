@@ -140,7 +140,8 @@ def main(arguments: list[str] | None = None) -> int:
             from .pictures import draw_exponents, thinned
             return draw_exponents(
                 store.read_every('exponent', thinned(plane)), plane,
-                f'Finite-time exponents over {given.impacts} impacts, alpha {parameters.alpha:g}, s = {plane.displacement:g}')
+                f'Finite-time exponents over {given.impacts} impacts, '
+                f'alpha {parameters.alpha:g}, s = {plane.displacement:g}')
 
         return run.finish(draw)
 
