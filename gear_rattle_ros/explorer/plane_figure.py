@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from bokeh.events import RangesUpdate, Tap
+from bokeh.events import Tap
 from bokeh.models import (
     BoxZoomTool,
     ColumnDataSource,
@@ -76,9 +76,24 @@ class PlaneFigure:
                 return ', exponent ' + (value <= -none ? '\u2212\u221e'
                     : value.toFixed(3).replace('-', '\u2212'));"""),
             '$x': read_out(x_range), '$y': read_out(y_range)}))
-        plot.on_event(RangesUpdate, lambda event: moved(
-            (event.x0, event.x1), (event.y0, event.y1)))
+        self._moved = moved
+        self._is_moving = False
+        for range_ in (x_range, y_range):
+            for end in ('start', 'end'):
+                range_.on_change(end, self._note)
         plot.on_event(Tap, lambda event: clicked(event.x, event.y))
+
+    def _note(self, attr: str, old: float, new: float) -> None:
+        # Both ends of both ranges change one by one; the event of Bokeh waits for the wheel.
+        if not self._is_moving:
+            self._is_moving = True
+            self.figure.document.add_next_tick_callback(self._move)
+
+    def _move(self) -> None:
+        self._is_moving = False
+        ranges = (self.figure.x_range, self.figure.y_range)
+        phase, velocity = ((range_.start, range_.end) for range_ in ranges)
+        self._moved(phase, velocity)
 
     def show(self, picture: Picture, colours: Colours) -> None:
         """Draw a picture at the place it was computed for."""

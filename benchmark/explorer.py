@@ -1,0 +1,112 @@
+"""
+How soon the explorer answers in a real browser: first picture and 400 x 400 after each touch.
+
+Times are taken in the page, from the moment the wheel, the drag or the slider's key reaches it to
+the moment a picture of the new view has arrived and is drawn. The peer is the same question asked
+as one asks it without an explorer: the tool `basins`, in a process of its own.
+"""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / 'test' / 'explorer'))
+from browser import chromium, Tab  # noqa: E402, I100, RUF100
+
+PORT = 5106
+TURNS = 5
+# First picture, and 400 x 400 at alpha 0.48 [s].
+TARGETS = (0.2, 1.5)
+# Notes, for the next view that is asked for, when pictures of it have been drawn.
+LISTEN = """() => {
+    const find = (name) => Bokeh.documents[0].get_model_by_name(name);
+    const note = (name) => requestAnimationFrame(() => {
+        window.times[name] ??= performance.now() - window.began;
+    });
+    // Pictures of the view before may still be on their way.
+    find('picture').properties.data.change.connect(() => {
+        if (window.isNew()) note('first');
+    });
+    find('status').properties.text.change.connect(() => {
+        if (window.isNew() && /^(400 × 400|800 × 800)(,| )/.test(find('status').text)
+            && !find('status').text.startsWith('400 × 400 (')) note('fine');
+    });
+    const mark = () => { window.began = performance.now(); window.times = {}; };
+    for (const type of ['wheel', 'pointerup', 'keydown'])
+        document.addEventListener(type, mark, {capture: true});
+}"""
+IS_NEW = {
+    'zoom': '() => source.data.dw[0] == plane.x_range.end - plane.x_range.start',
+    'pan': '() => source.data.x[0] == plane.x_range.start',
+    'slider': '() => true',
+}
+
+
+def touch(tab: Tab, kind: str, turn: int) -> None:
+    """Zoom, pan or step a slider once."""
+    if kind == 'zoom':
+        tab.page.mouse.move(300, 250)
+        tab.page.mouse.wheel(0, 120 if turn % 2 else -120)
+    elif kind == 'pan':
+        tab.page.mouse.move(300, 250)
+        tab.page.mouse.down()
+        tab.page.mouse.move(300 + 20 * (1 + turn), 260)
+        tab.page.mouse.up()
+    else:
+        tab.page.locator('.noUi-handle').first.press('ArrowRight')
+
+
+def measure(tab: Tab, kind: str) -> tuple[list[float], list[float]]:
+    """Touch the page again and again; returns seconds to the first and to the fine picture."""
+    first, fine = [], []
+    for turn in range(TURNS):
+        tab.page.evaluate(
+            "() => { const find = (name) => Bokeh.documents[0].get_model_by_name(name);"
+            "const source = find('picture'), plane = find('plane'); window.times = {};"
+            f'window.isNew = {IS_NEW[kind]}; }}')
+        touch(tab, kind, turn)
+        tab.wait('window.times.fine !== undefined')
+        times = tab.page.evaluate('window.times')
+        first.append(times['first'] / 1e3)
+        fine.append(times['fine'] / 1e3)
+        # The finest level, which nobody waits for here.
+        tab.wait("!Bokeh.documents[0].get_model_by_name('status').text.includes('going on')")
+    return first, fine
+
+
+def main() -> None:
+    """Print all figures."""
+    with tempfile.TemporaryDirectory() as name:
+        server = subprocess.Popen(
+            [sys.executable, '-m', 'gear_rattle_ros.start', 'explorer', '--no-browser', '--port',
+             str(PORT), '--folder', name], stdout=subprocess.PIPE, text=True)
+        assert server.stdout is not None
+        try:
+            server.stdout.readline()
+            with chromium() as browser:
+                tab = Tab(browser, PORT)
+                tab.page.evaluate(LISTEN)
+                tab.wait("!Bokeh.documents[0].get_model_by_name('status').text"
+                         ".includes('going on')")
+                print(f'{os.cpu_count()} cores, alpha 0.48, median (worst) of {TURNS}:')
+                for kind in IS_NEW:
+                    first, fine = measure(tab, kind)
+                    print(f'  {kind:6s} first picture {np.median(first):.3f} s '
+                          f'({max(first):.3f}; target {TARGETS[0]:g}), 400 x 400 '
+                          f'{np.median(fine):.2f} s ({max(fine):.2f}; target {TARGETS[1]:g})')
+        finally:
+            server.terminate()
+            server.wait()
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', 'basins', '--output',
+                        f'{name}/peer.zarr'], check=True, capture_output=True)
+        print(f'  the tool basins, 400 x 400 on disk: {time.perf_counter() - begin:.2f} s')
+
+
+if __name__ == '__main__':
+    main()
