@@ -24,14 +24,14 @@ from gear_rattle_ros.offline.digest import (
 from gear_rattle_ros.offline.summary import draw, save
 
 
-def story(periods: int = 600) -> list[EventArray]:
+def story(periods: int = 600, alpha: float = 1.244) -> list[EventArray]:
     """Return the batches of a run with a change of alpha in the middle."""
     simulation = Simulation(Parameters(0.57), State(0, 0.0, -0.5, -0.5))
     batches = []
     for tick in range(60):
         batches.append(simulation.advance((tick + 1) * periods // 60, 0.0, 100_000))
         if tick == 29:
-            batches.append(simulation.retune(Parameters(1.244)))
+            batches.append(simulation.retune(Parameters(alpha)))
     return batches
 
 
@@ -99,7 +99,8 @@ def test_a_restart_and_a_hole_are_counted() -> None:
 def picture(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     """Return the pixels of a picture of the story, each channel from 0 to 255."""
     path = tmp_path_factory.mktemp('picture') / 'summary.png'
-    save(draw(digest_of(story(3000)), 'bag'), path)
+    # Chaos that lasts: at 1.244 it ends after a time that hangs on the last bit.
+    save(draw(digest_of(story(3000, 1.1)), 'bag'), path)
     return np.rint(imread(path)[:, :, :3] * 255.0).astype(int)
 
 
