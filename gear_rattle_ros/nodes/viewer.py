@@ -1,6 +1,7 @@
 """Draws the stream, the exponents and the transient with rerun: file, window or web page."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+import functools
 import math
 import time
 
@@ -60,7 +61,7 @@ class Viewer(ShellNode):
             (DiagnosticArray, 'basin_state', pictures.take_state),
         ):
             self.create_subscription(
-                kind, name, lambda message, take=take: self._take_basin(take(message)), LATCHED)
+                kind, name, functools.partial(self._take_basin, take), LATCHED)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
@@ -106,7 +107,8 @@ class Viewer(ShellNode):
         for scene in self._scenes:
             scene.say(status.message, 'INFO', self._recent.now)
 
-    def _take_basin(self, picture: BasinPicture | None) -> None:
+    def _take_basin(self, take: Callable[..., BasinPicture | None], message: object) -> None:
+        picture = take(message)
         if picture is not None:
             self._basin = picture
             for scene in self._scenes:
