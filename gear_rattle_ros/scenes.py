@@ -13,11 +13,10 @@ from pathlib import Path
 import types
 from typing import Any, Final, TypeAlias
 
-import yaml
-
 from .core.model import Parameters, State
 from .core.simulation import NOISE_MAXIMUM, SEED_MAXIMUM
 from .places import config_folder
+from .plain_yaml import read_yaml
 
 Number: TypeAlias = int | float
 # Everything of the simulator that changes live; alpha itself a scene has to say.
@@ -124,9 +123,9 @@ def find_scene(name: str) -> Scene:
 def read_scene(path: Path) -> Scene:
     """Read one scene; ValueError says what is wrong with it."""
     try:
-        content: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except yaml.YAMLError as error:
-        raise ValueError(f'{path} is no YAML: {" ".join(str(error).split())}') from error
+        content = read_yaml(path.read_text(encoding='utf-8'))
+    except ValueError as error:
+        raise ValueError(f'{path} {error}') from error
     if not isinstance(content, dict) or content.keys() != {'title', 'text', 'steps'}:
         raise ValueError(f'{path} must say title, text and steps, nothing else')
     given = content['steps']

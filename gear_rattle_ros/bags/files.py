@@ -16,10 +16,10 @@ import mcap.records
 from mcap.records import Channel, Chunk, McapRecord, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import MCAP0_MAGIC
-import yaml
 import zstandard
 
 from .topics import BagError, Topic
+from ..plain_yaml import read_yaml
 
 # In a file without an index, messages are put in order if they are off by no more than this [ns].
 _WINDOW: Final = 2_000_000_000
@@ -114,8 +114,8 @@ def describe_topic(channel: Channel, schema: Schema) -> Topic:
 
 def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
     try:
-        profiles = yaml.safe_load(text)
-    except yaml.YAMLError:
+        profiles = read_yaml(text)
+    except ValueError:
         return ()
     if not isinstance(profiles, list):
         return ()

@@ -9,6 +9,7 @@ from typing import Any, Final
 import yaml
 
 from .topics import BagError, Topic
+from ..plain_yaml import read_yaml
 
 VERSION: Final = 9
 NAME: Final = 'metadata.yaml'
@@ -137,7 +138,7 @@ def file_names(directory: Path) -> list[str]:
     """
     path = directory / NAME
     try:
-        content = yaml.safe_load(path.read_text('utf-8'))
+        content = read_yaml(path.read_text('utf-8'))
         information = content['rosbag2_bagfile_information']
         storage = information['storage_identifier']
         if storage != 'mcap':
@@ -153,6 +154,5 @@ def file_names(directory: Path) -> list[str]:
             (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))
     except BagError:
         raise
-    except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        # What yaml makes of a bad date, number or nesting is not always an error of its own.
+    except (ValueError, LookupError, TypeError):
         raise BagError(f'{path}: is not the metadata of a bag') from None

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 import difflib
 from pathlib import Path
 
-import yaml
-
 from ..parameters import TABLES
+from ..plain_yaml import read_yaml
 
 
 def split_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -40,8 +39,8 @@ def misspelt_sections(name: str, ros: Sequence[str]) -> Iterator[str]:
         if flag != '--params-file':
             continue
         try:
-            sections = yaml.safe_load(Path(file).read_text())
-        except (OSError, UnicodeDecodeError, yaml.YAMLError):
+            sections = read_yaml(Path(file).read_text())
+        except (OSError, ValueError):
             # rcl has read it and had its say.
             continue
         for section in sections if isinstance(sections, dict) else ():

@@ -17,13 +17,12 @@ import re
 import shlex
 import textwrap
 import time
-from typing import Any, Final
-
-import yaml
+from typing import Final
 
 from .cli import attempt, INTERRUPTED, PACKAGE, Parser
 from .store import versions
 from ..places import config_folder
+from ..plain_yaml import read_yaml
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
 AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',
@@ -119,14 +118,17 @@ def load_recipes(folder: Path) -> dict[str, Recipe]:
 
 def _recipe(path: Path) -> Recipe:
     try:
-        content: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except yaml.YAMLError as error:
-        raise ValueError(f'{path} is no YAML: {" ".join(str(error).split())}') from error
+        content = read_yaml(path.read_text(encoding='utf-8'))
+    except ValueError as error:
+        raise ValueError(f'{path} {error}') from error
     missing = [name for name in FIELDS if not isinstance(content, dict) or name not in content]
     if missing:
         raise ValueError(f'{path}: {", ".join(missing)} missing')
     values = {name: ' '.join(str(content[name]).split()) for name in FIELDS}
-    command = tuple(shlex.split(values.pop('command')))
+    try:
+        command = tuple(shlex.split(values.pop('command')))
+    except ValueError as error:
+        raise ValueError(f'{path}: the command is none: {error}') from error
     if values['agrees'] not in AGREES:
         raise ValueError(f'{path}: agrees = {values["agrees"]!r} is none of {", ".join(AGREES)}')
     if not command or command[0] not in TOOLS:
