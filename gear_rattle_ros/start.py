@@ -53,6 +53,13 @@ def start(name: str) -> NoReturn:
         status = int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
     except KeyboardInterrupt:
         status = 0
+    except ModuleNotFoundError as error:
+        missing = (error.name or '').split('.')[0]
+        if missing == __package__:
+            raise
+        print(f'{name}: the Python package {missing} is not installed; the README says how',
+              file=sys.stderr)
+        status = 2
     # What was open has been closed; taking LLVM and DDS apart as well would cost half a second.
     sys.stdout.flush()
     sys.stderr.flush()

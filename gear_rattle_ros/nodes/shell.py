@@ -198,22 +198,27 @@ class Stop:
             raise KeyboardInterrupt
 
 
+def initialise(name: str, arguments: list[str] | None) -> None:
+    """Begin ROS with the arguments of a node; StartError or ValueError names one nobody reads."""
+    plain, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
+    refuse_plain(name, plain)
+    try:
+        rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+    except UnknownROSArgsError as error:
+        raise StartError(f'ROS does not know the arguments {error}') from error
+    for line in misspelt_sections(name, ros):
+        print(f'{name}: {line}', file=sys.stderr, flush=True)
+
+
 def run_node(name: str, make: Callable[[], ShellNode], arguments: list[str] | None) -> int:
     """Spin a node until it is told to stop; exit status 0, or 2 where it cannot start."""
-    plain, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
     # rclpy's own handlers would invalidate the context under a callback that publishes.
     stop = Stop()
     node = None
     try:
         try:
-            refuse_plain(name, plain)
-            rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
-            for line in misspelt_sections(name, ros):
-                print(f'{name}: {line}', file=sys.stderr, flush=True)
+            initialise(name, arguments)
             node = make()
-        except UnknownROSArgsError as error:
-            print(f'{name}: ROS does not know the arguments {error}', file=sys.stderr)
-            return 2
         except (StartError, ValueError, RCLError) as error:
             print(f'{name}: {str(error).splitlines()[0]}', file=sys.stderr)
             return 2

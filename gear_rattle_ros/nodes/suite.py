@@ -255,10 +255,13 @@ class Suite:
             self._call(monitor.reset_client, Trigger.Request())
 
     def _call(self, client: Client, request: object) -> None:
-        future = client.call_async(request)
-        self._executor.spin_until_future_complete(future, timeout_sec=5.0)
-        if not future.done():
-            raise SuiteError(f'{client.srv_name} does not answer')
+        # A service that has just been discovered may not know yet where to send its answer.
+        for _ in range(3):
+            future = client.call_async(request)
+            self._executor.spin_until_future_complete(future, timeout_sec=3.0)
+            if future.done():
+                return
+        raise SuiteError(f'{client.srv_name} does not answer')
 
 
 def _steps(options: argparse.Namespace) -> Sequence[Step]:

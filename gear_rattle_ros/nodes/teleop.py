@@ -4,14 +4,13 @@ import signal
 import sys
 import time
 
-import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from .shell import Stop
+from .services import harden
+from .shell import initialise, StartError, Stop
 from .teleop_keys import Entry, Keys
 from .teleop_link import Link
 from .teleop_terminal import Terminal
@@ -168,10 +167,11 @@ def main(arguments: list[str] | None = None) -> int:
     stop = Stop()
     try:
         try:
-            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+            initialise('teleop', arguments)
             node = Node('teleop', automatically_declare_parameters_from_overrides=True)
             teleop = Teleop(node)
-        except (ValueError, RCLError) as error:
+            harden(node)
+        except (StartError, ValueError, RCLError) as error:
             print(f'teleop: {str(error).splitlines()[0]}', file=sys.stderr)
             return 2
         # From here on signals end the loop, and so restore the terminal.
