@@ -12,7 +12,7 @@ import reference_pages  # noqa: E402
 reference_pages.write(HERE / 'reference')
 
 project = 'gear_rattle_ros'
-author = copyright = 'The gear_rattle_ros authors'
+author = 'The gear_rattle_ros authors'
 release = ElementTree.parse(HERE.parent / 'package.xml').findtext('version')
 extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
 # Many classes have an attribute called window or impacts; a unit is no reference to it.

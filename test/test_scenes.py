@@ -5,17 +5,24 @@ import sys
 
 import pytest
 
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
-from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.orbits import Regime, TransientDetector
-from gear_rattle_ros.core.simulation import Simulation
-from gear_rattle_ros.parameters import SIMULATOR
-from gear_rattle_ros.scenes import find_scene, load_scenes, NAMES, Performance, read_scene, Step
-
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / 'tools'))
 
 import scene_page  # noqa: E402
+
+from gear_rattle_ros.core.lyapunov import RunningLyapunov  # noqa: E402
+from gear_rattle_ros.core.model import Parameters, State  # noqa: E402
+from gear_rattle_ros.core.orbits import Regime, TransientDetector  # noqa: E402
+from gear_rattle_ros.core.simulation import Simulation  # noqa: E402
+from gear_rattle_ros.parameters import SIMULATOR  # noqa: E402
+from gear_rattle_ros.scenes import (  # noqa: E402
+    find_scene,
+    load_scenes,
+    NAMES,
+    Performance,
+    read_scene,
+    Step,
+)
 
 
 def follow(name: str, impacts: int, step: int = 0) -> tuple[TransientDetector, RunningLyapunov]:

@@ -9,6 +9,9 @@ import sys
 import time
 
 PR_SET_PDEATHSIG = 1
+# A node that has not ended is interrupted again after so long; it is looked after so often [s].
+AGAIN = 2.0
+POLL = 0.01
 
 
 def _die_with_parent() -> None:
@@ -56,12 +59,14 @@ class Processes:
         """Interrupt some nodes together and wait for them; kill what is left after so long [s]."""
         deadline = time.monotonic() + within
         stopping = [self._running.pop(name) for name in names if name in self._running]
-        for process in stopping:
-            if process.poll() is None:
+        while stopping and time.monotonic() < deadline:
+            # A node that is being imported may swallow a signal; one that is closing ignores it.
+            for process in stopping:
                 process.send_signal(signal.SIGINT)
+            again = min(time.monotonic() + AGAIN, deadline)
+            while stopping and time.monotonic() < again:
+                time.sleep(POLL)
+                stopping = [process for process in stopping if process.poll() is None]
         for process in stopping:
-            try:
-                process.wait(max(deadline - time.monotonic(), 0.0))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            process.kill()
+            process.wait()

@@ -42,7 +42,7 @@ class Teleop:
         # Where the arrows lead while settings of alpha are under way [1].
         self._aim: float | None = None
 
-    def help(self) -> str:
+    def help_text(self) -> str:
         """Return what the keys do."""
         scenes = '\n'.join(
             f'  {number}        scene {scene.name}: {scene.title}'
@@ -90,7 +90,7 @@ class Teleop:
         if key == 'q':
             self.is_over = True
         elif key in ('h', '?'):
-            return self.help()
+            return self.help_text()
         elif self.link.is_here:
             self._steer(key)
         return ''
@@ -193,7 +193,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(teleop: Teleop, terminal: Terminal, executor: SingleThreadedExecutor,
          stop: Stop) -> None:
     keys, shown = Keys(), ''
-    terminal.print(teleop.help())
+    terminal.write_lines(teleop.help_text())
     while not (stop.asked or teleop.is_over):
         typed = terminal.read(SOON if teleop.link.is_busy or keys.is_open else LATER)
         if typed is None:
@@ -201,7 +201,7 @@ def _run(teleop: Teleop, terminal: Terminal, executor: SingleThreadedExecutor,
         for key in keys.take(typed) if typed else keys.rest():
             lines = teleop.take(key)
             if lines:
-                terminal.print(lines)
+                terminal.write_lines(lines)
                 shown = ''
         executor.spin_once(timeout_sec=0.0)
         teleop.tick()

@@ -60,7 +60,7 @@ class Terminal:
         self._write(f'\r\x1b[K{line[:width]}')
         self._line = True
 
-    def print(self, text: str) -> None:
+    def write_lines(self, text: str) -> None:
         """Write lines that stay."""
         self._write('\r\x1b[K' + text + '\n')
         self._line = False

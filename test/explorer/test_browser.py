@@ -154,7 +154,8 @@ def test_click_shows_the_trajectory(tab: Tab) -> None:
 def test_view_is_saved_with_the_command_that_makes_it(
         tab: Tab, server: tuple[int, Path, int]) -> None:
     """Dataset and picture; the labels are those of the page, start by start."""
-    tab.wait_for_cells(400)
+    # The finest, after which nothing changes any more.
+    tab.wait_for_cells(800)
     tab.page.get_by_text('save this view').click()
     tab.wait("Bokeh.documents[0].get_model_by_name('message').text.includes('saved in')")
     place = max(server[1].glob('*-basins'), key=os.path.getmtime)

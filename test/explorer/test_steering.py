@@ -27,7 +27,9 @@ def test_simulator_goes_on_from_the_state(
                                float(event['velocity_after'])))
 
     rclpy_node.create_subscription(PointCloud2, 'impacts', take, STREAM_INPUT)
-    simulator = start('simulator', '--ros-args', '-p', 'alpha:=0.57')
+    # The stream is volatile: its first record is for those who are there.
+    simulator = start(
+        'simulator', '--ros-args', '-p', 'alpha:=0.57', '-p', 'wait_for_readers:=1')
     simulator.wait_for('ready', within=180.0)
     spin(lambda: resets)
     link = SimulatorLink()

@@ -8,6 +8,7 @@ import re
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
+import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
@@ -91,6 +92,7 @@ def confused(events):
     return [events[:200][::-1], jumbled, mixed, frozen, huge, np.repeat(events[:50], 4)]
 
 
+@pytest.mark.long
 def test_readers_refuse_what_is_no_stream_and_go_on(start, domain, rclpy_node, spin, tmp_path):
     """Every broken cloud is counted; what is computed at the end is that of the good part."""
     events = Simulation(Parameters(1.23), State(velocity=-1.0)).advance(10**8, 0.0, 3000)

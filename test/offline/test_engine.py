@@ -50,6 +50,7 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
         run_tiles(str, [0], lambda tile, result: None, cluster='tcp://127.0.0.1:9')
 
 
+@pytest.mark.long
 def test_a_cluster_with_a_killed_worker_gives_the_same_store(tmp_path, monkeypatch):
     """Worker processes write the tiles; one is killed in mid-run and its tiles are done again."""
     distributed = pytest.importorskip('distributed')

@@ -147,15 +147,17 @@ def test_tools_ask_for_their_bag(
         assert 'Traceback' not in done.stderr
 
 
+@pytest.mark.parametrize('every', [False, pytest.param(True, marks=pytest.mark.long)])
 def test_nodes_run(
-        prefix: Path, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        prefix: Path, kind: str, every: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         rclpy_node: Node, spin: Callable[..., None]) -> None:
     """Each node comes up on real DDS, and ends with 0 on SIGINT."""
     monkeypatch.delenv('PYTHONPATH', raising=False)
     below = os.environ.get('AMENT_PREFIX_PATH') or sys.prefix
     monkeypatch.setenv('AMENT_PREFIX_PATH', f'{prefix}{os.pathsep}{below}')
-    # Kernels are compiled anew for every place they stand in: once for each tool is enough.
-    names = NODES if kind in ('pip', 'colcon') else {'recorder': []}
+    if every and kind not in ('pip', 'colcon'):
+        pytest.skip('kernels are compiled anew for every place: once for each tool is enough')
+    names = NODES if every else {'recorder': []}
     heard: set[str] = set()
     rclpy_node.create_subscription(
         DiagnosticArray, '/diagnostics',

@@ -57,6 +57,7 @@ def named_holes(text):
     return sorted(holes)
 
 
+@pytest.mark.long
 def test_stopped_readers_name_exactly_what_they_did_not_get(start, rclpy_node, spin, tmp_path):
     """Stopped for a while, far beyond the depth of every queue, with a retune in the hole."""
     simulation = Simulation(Parameters(1.23), State(velocity=-1.0))
