@@ -154,8 +154,8 @@ def test_click_shows_the_trajectory(tab: Tab) -> None:
 def test_view_is_saved_with_the_command_that_makes_it(
         tab: Tab, server: tuple[int, Path, int]) -> None:
     """Dataset and picture; the labels are those of the page, start by start."""
-    # The finest, after which nothing changes any more.
-    tab.wait_for_cells(800)
+    tab.wait_for_cells(400)
+    before = np.array(tab.array('label'))
     tab.page.get_by_text('save this view').click()
     tab.wait("Bokeh.documents[0].get_model_by_name('message').text.includes('saved in')")
     place = max(server[1].glob('*-basins'), key=os.path.getmtime)
@@ -166,7 +166,9 @@ def test_view_is_saved_with_the_command_that_makes_it(
     assert shlex.split(dataset.attrs['command']) == words
     assert Image.open(place / 'basins.png').size > (500, 500)
     theirs = dataset['label'].values.ravel()
-    ours = np.array(tab.array('label'))
+    # A finer picture may have come meanwhile, before the view was saved or after.
+    ours = next(labels for labels in (before, np.array(tab.array('label')))
+                if labels.size == theirs.size)
     assert np.mean(ours == theirs) > 0.9999
     assert not np.any(theirs == UNRESOLVED)
 
