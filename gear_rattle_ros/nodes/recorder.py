@@ -117,6 +117,7 @@ class Recorder(ShellNode):
     def __init__(self) -> None:
         super().__init__('recorder', RECORDER)
         self._is_failure_told = False
+        self._garbled = 0
         self._sources = [_Source(self, *topic, self._record) for topic in _TOPICS]
         writer = self._make_writer()
         self._directory = writer.directory
@@ -138,6 +139,7 @@ class Recorder(ShellNode):
             'impacts': recording.impacts,
             **self._holes.counts(),
             'messages_lost': self._lost(),
+            'messages_garbled': self._garbled,
             'bytes': recording.size,
             'backlog_bytes': recording.backlog,
             'unwritten_age': recording.age,
@@ -146,7 +148,7 @@ class Recorder(ShellNode):
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
         level, message = self._holes.status()
-        if level == 'ok' and self._lost():
+        if level == 'ok' and (self._lost() or self._garbled):
             return 'warn', 'something was lost before it came here', values
         return level, message if level != 'ok' else 'recording', values
 
@@ -162,6 +164,7 @@ class Recorder(ShellNode):
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
         lost = f', {self._lost()} messages lost on the way' if self._lost() else ''
+        lost += f', {self._garbled} garbled' if self._garbled else ''
         odd = f', {recording.unreadable} batches unreadable' if recording.unreadable else ''
         print(f'recorded {recording.impacts} impacts in {recording.messages} messages, '
               f'{recording.guard.lost} lost ({recording.guard.gaps} gaps){lost}{odd}, '
@@ -182,6 +185,15 @@ class Recorder(ShellNode):
             raise StartError(f'output = {error}') from None
 
     def _record(self, source: _Source, data: bytes, info: Mapping[str, Any]) -> None:
+        # Seen under load: DDS hands over bytes that are no message, with a time that is none. In
+        # the bag they would stand first, and end every reading of it there.
+        if data[:1] != b'\0':
+            self._garbled += 1
+            self.get_logger().error(
+                f'{source.name}: DDS handed over {len(data)} bytes that are no message '
+                f'({data[:8].hex()} ..., received at {info["received_timestamp"]} ns); left out',
+                throttle_duration_sec=1.0)
+            return
         received = info['received_timestamp'] or time.time_ns()
         self._recording.put(Received(
             source.topic(), data, received, info['source_timestamp'] or received,

@@ -278,7 +278,7 @@ def main(arguments: list[str] | None = None) -> int:
                            resume=run.resume)
         catalogue = find_attractors(
             parameters, plane.random_starts(parameters, given.starts, given.seed),
-            tolerance=given.tolerance, hold=given.hold, threads=run.threads)
+            tolerance=given.tolerance, hold=given.hold, threads=run.threads, cluster=run.cluster)
         found = attractors_of(catalogue)
         write_attractors(store, found, catalogue)
         store.mark(0)

@@ -12,6 +12,7 @@ would have shown with near certainty.)
 
 from collections.abc import Callable
 import dataclasses
+import functools
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -117,8 +118,8 @@ class Catalogue:
 
 def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: float = TOLERANCE,
                     hold: int = HOLD, chaotic: bool = True,
-                    threads: int | None = None, trace: Trace = box_sets
-                    ) -> Catalogue:
+                    threads: int | None = None, cluster: str | None = None,
+                    trace: Trace = box_sets) -> Catalogue:
     """
     Find all attractors that some of the starts reach.
 
@@ -127,7 +128,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
     parameters : Parameters
         Of the model.
     starts : ndarray of START, shape (n,)
-        Random starts; the result does not depend on the number of threads.
+        Random starts; the result does not depend on where they are followed.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
@@ -136,6 +137,8 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         Whether what is left is looked at for chaotic attractors.
     threads : int, optional
         How many; by default one for each processor.
+    cluster : str, optional
+        Address of a Dask scheduler that follows the starts instead.
     trace : callable
         Finds the sets on which trajectories move, as `box_sets` does.
 
@@ -157,7 +160,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         if until == hold:
             left = left[:FOLLOWED]
         results = settle(states[left], until - followed,
-                         make_table(list(orbits.values()), tolerance), threads)
+                         make_table(list(orbits.values()), tolerance), threads, cluster)
         followed = until
         labels[left] = results['label']
         for start, label in zip(left, results['label'], strict=True):
@@ -172,7 +175,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         orbits.update((orbit.key, orbit) for orbit in found if orbit.key not in orbits)
     ordered = tuple(orbits[key] for key in sorted(orbits))
     # Those which the last stage has found, and a start that was too far from its own.
-    results = settle(states[left], STAGES[0][0], make_table(ordered, tolerance), threads)
+    results = settle(states[left], STAGES[0][0], make_table(ordered, tolerance), threads, cluster)
     numbers = {orbit.key: number for number, orbit in enumerate(ordered)}
     labels = np.array([numbers.get(home, label) for home, label in zip(
         homes, labels, strict=True)], np.int64)
@@ -181,11 +184,11 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
     left = np.flatnonzero(labels == UNRESOLVED)
     if not chaotic or not len(left):
         return plain
-    return _with_chaos(plain, starts, states[left], threads, trace)
+    return _with_chaos(plain, starts, states[left], threads, cluster, trace)
 
 
-def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = None
-           ) -> RecordArray:
+def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = None,
+           cluster: str | None = None) -> RecordArray:
     """
     Follow starts until they settle.
 
@@ -199,6 +202,8 @@ def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = No
         Known attractors.
     threads : int, optional
         How many; by default one for each processor.
+    cluster : str, optional
+        Address of a Dask scheduler that follows them instead.
 
     Returns
     -------
@@ -208,11 +213,22 @@ def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = No
     """
     results = np.zeros(len(starts), RESULT)
 
-    def work(batch: int) -> None:
-        part = slice(batch * BATCH, (batch + 1) * BATCH)
-        settle_here(starts[part], cap, table, results[part])
+    def keep(batch: int, settled: RecordArray) -> None:
+        results[_part(batch)] = settled
 
-    run_tiles(work, range(-(-len(starts) // BATCH)), lambda batch, result: None, threads=threads)
+    run_tiles(functools.partial(_settle_batch, starts, cap, table),
+              range(-(-len(starts) // BATCH)), keep, cluster=cluster, threads=threads)
+    return results
+
+
+def _part(batch: int) -> slice:
+    return slice(batch * BATCH, (batch + 1) * BATCH)
+
+
+def _settle_batch(starts: RecordArray, cap: int, table: Table, batch: int) -> RecordArray:
+    part = starts[_part(batch)]
+    results = np.zeros(len(part), RESULT)
+    settle_here(part, cap, table, results)
     return results
 
 
@@ -288,7 +304,7 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
 
 
 def _with_chaos(plain: Catalogue, starts: RecordArray, survivors: RecordArray,
-                threads: int | None, trace: Trace) -> Catalogue:
+                threads: int | None, cluster: str | None, trace: Trace) -> Catalogue:
     sets, speed = trace(plain.parameters, survivors)
     sets = sorted(
         (found for found in sets if found.exponents.lambda_1
@@ -300,7 +316,7 @@ def _with_chaos(plain: Catalogue, starts: RecordArray, survivors: RecordArray,
         if not sets:
             break
         table = _table(plain.orbits, plain.tolerance, numbers, tuple(sets), speed, stay, known)
-        labels = settle(starts, plain.hold, table, threads)['label']
+        labels = settle(starts, plain.hold, table, threads, cluster)['label']
         leaks = {int(label) for label in labels[settled] if label >= known}
         if not leaks:
             return dataclasses.replace(
@@ -311,7 +327,7 @@ def _with_chaos(plain: Catalogue, starts: RecordArray, survivors: RecordArray,
             if sets:
                 table = _table(plain.orbits, plain.tolerance, numbers, tuple(sets), speed, stay,
                                known)
-                labels = settle(starts, plain.hold, table, threads)['label']
+                labels = settle(starts, plain.hold, table, threads, cluster)['label']
                 return dataclasses.replace(
                     plain, chaotic=tuple(sets), box_speed=speed, stay=stay, labels=labels)
     return plain

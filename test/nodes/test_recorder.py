@@ -164,13 +164,14 @@ def test_gaps_and_late_publishers_are_reported(
     events = story(3000)
     events = events[events['kind'] == 0][:2000]
     events['epoch'] = 0
-    # No cloud of events: it is kept, and told.
+    # No cloud of events: it is kept, and told. No message at all: it is told.
     impacts.publish(PointCloud2(width=3))
+    impacts.publish(b'\x07' + bytes(99))
     send(impacts, np.concatenate([events[:500], events[620:1000], events[1001:]]), 100)
     assert process.stop() == 0
     line = closing_line(process)
     assert line.startswith(f'recorded {len(events) - 121} impacts in '), line
-    assert ', 121 lost (2 gaps), 1 batches unreadable, ' in line, line
+    assert ', 121 lost (2 gaps), 1 garbled, 1 batches unreadable, ' in line, line
     with AnyReader([tmp_path / 'bag']) as reader:
         widths = [reader.deserialize(data, connection.msgtype).width
                   for connection, _, data in reader.messages() if connection.topic == '/impacts']

@@ -7,12 +7,14 @@ import threading
 import time
 
 from grids import basin, files_of, SETTINGS
+import numpy as np
 import pytest
 
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline import engine, tiles as tiles_module
+from gear_rattle_ros.offline import attractors, engine, tiles as tiles_module
 from gear_rattle_ros.offline.engine import EngineError, run_tiles
 from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.store import open_dataset
 
 
 @pytest.mark.parametrize('threads', [1, 2, 5])
@@ -78,3 +80,21 @@ def test_a_cluster_with_a_killed_worker_gives_the_same_store(tmp_path, monkeypat
     assert killed
     assert there.pending() == []
     assert files_of(there) == files_of(here)
+
+
+@pytest.mark.long
+def test_a_cluster_finds_the_same_attractors(tmp_path):
+    """What `attractors` writes with --cluster is what it writes without."""
+    distributed = pytest.importorskip('distributed')
+    common = ['--alpha', '0.57', '--starts', '200', '--hold', '4000']
+    with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
+            dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
+        assert attractors.main([*common, '--output', str(tmp_path / 'there.zarr'), '--cluster',
+                                cluster.scheduler_address]) == 0
+    assert attractors.main([*common, '--output', str(tmp_path / 'here.zarr')]) == 0
+    here, there = open_dataset(tmp_path / 'here.zarr'), open_dataset(tmp_path / 'there.zarr')
+    assert set(here.variables) == set(there.variables)
+    assert len(here['attractor_key']) == 2
+    for name in here.variables:
+        np.testing.assert_array_equal(here[name].values, there[name].values)
