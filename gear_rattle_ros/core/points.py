@@ -1,6 +1,7 @@
 """EVENT records as points of a cloud: the layout, and reading any cloud that has the fields."""
 
 from collections.abc import Iterable, Sequence
+import functools
 import math
 from typing import Final
 
@@ -69,14 +70,22 @@ def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bo
         If a field is missing, there twice or of another type, or the data is too short.
 
     """
+    layout = _layout(tuple(fields), step, is_bigendian, tuple(names))
+    if data.nbytes < count * step:
+        raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
+    return np.frombuffer(data, layout, count)
+
+
+# The clouds of a stream are all alike.
+@functools.lru_cache(maxsize=16)
+def _layout(fields: tuple[Field, ...], step: int, is_bigendian: bool, names: tuple[str, ...]
+            ) -> np.dtype[np.void]:
     formats = {code: kind for kind, code in _DATATYPES.items()}
     found: dict[str, tuple[int, int, int]] = {}
     for name, *place in fields:
         if name in found and name in names:
             raise ValueError(f'cloud has field {name!r} more than once')
         found[name] = (place[0], place[1], place[2])
-    if data.nbytes < count * step:
-        raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
     offsets = []
     for name in names:
         if name not in found:
@@ -90,13 +99,12 @@ def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bo
         if offset + EVENT[name].itemsize > step:
             raise ValueError(f'cloud field {name!r} at {offset} lies outside a point of {step}')
         offsets.append(offset)
-    layout = np.dtype({
+    return np.dtype({
         'names': list(names),
         'formats': [EVENT[name].newbyteorder('>' if is_bigendian else '<') for name in names],
         'offsets': offsets,
         'itemsize': step,
     })
-    return np.frombuffer(data, layout, count)
 
 
 def decode_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bool,

@@ -26,6 +26,10 @@ GLANCE: Final = 0.02
 Key = tuple[Parameters, float, bool]
 
 
+class _GivenUp(Exception):
+    """Nobody waits for the search any more."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Known:
     """
@@ -88,7 +92,7 @@ class Catalogues:
         view : View
             Its parameters count.
         check : callable
-            Called often; raises to stop waiting. The search itself goes on, for the next who asks.
+            Called often; raises to give the search up.
 
         Returns
         -------
@@ -101,11 +105,17 @@ class Catalogues:
         while known is None or not known.is_complete:
             check()
             if self._searching.acquire(timeout=GLANCE):
-                thread = threading.Thread(target=self._search, args=(key, view), daemon=True)
+                given_up = threading.Event()
+                thread = threading.Thread(
+                    target=self._search, args=(key, view, given_up), daemon=True)
                 thread.start()
-                while thread.is_alive():
-                    thread.join(GLANCE)
-                    check()
+                try:
+                    while thread.is_alive():
+                        thread.join(GLANCE)
+                        check()
+                except BaseException:
+                    given_up.set()
+                    raise
             known = self._get(key)
         return known
 
@@ -134,11 +144,17 @@ class Catalogues:
         return self._put(_key(view), dataclasses.replace(
             known, late=tuple(late[key] for key in sorted(late))))
 
-    def _search(self, key: Key, view: View) -> None:
+    def _search(self, key: Key, view: View, given_up: threading.Event) -> None:
+        def check() -> None:
+            if given_up.is_set():
+                raise _GivenUp
+
         try:
             found = find_attractors(view.parameters, _random(view, STARTS), hold=HOLD,
-                                    chaotic=view.kind != LIFETIMES)
+                                    chaotic=view.kind != LIFETIMES, check=check)
             self._put(key, Known(found))
+        except _GivenUp:
+            pass
         finally:
             self._searching.release()
 

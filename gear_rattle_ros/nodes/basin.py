@@ -152,6 +152,8 @@ class Job(threading.Thread):
             traces, hues = follow(memory.traces, points_of(basins.catalogue, basins.late),
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
+            # What is finer runs when nothing else would.
+            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
 
 

@@ -6,7 +6,7 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
 # Batches published before every reader must have acknowledged them all; far below STREAM_DEPTH.
-WINDOW = 256
+WINDOW = 400
 # One wait for acknowledgements, so that parameters and Ctrl-C are served in between.
 PATIENCE = Duration(nanoseconds=20_000_000)
 

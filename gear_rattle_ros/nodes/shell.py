@@ -31,6 +31,8 @@ from ..qos import STREAM_INPUT
 STOP_SEEN_WITHIN = 0.1
 # A node that ends takes in what has arrived, for so long at the most [s].
 DRAIN_WITHIN = 0.5
+# Batches taken at one go, as going through the executor costs more than taking them.
+TAKEN_AT_ONCE = 16
 # Holes named in one line of the log; the others are counted in it.
 SAID_AT_ONCE = 20
 STREAM_TYPE = 'sensor_msgs/msg/PointCloud2'
@@ -88,7 +90,7 @@ class EventInput:
         self._since = time.monotonic()
         self._seen = 0
         self._subscription = node.create_subscription(
-            PointCloud2, 'impacts', self._receive, STREAM_INPUT)
+            PointCloud2, 'impacts', self._receive_some, STREAM_INPUT)
 
     def counts(self) -> dict[str, object]:
         """Return what has come in, for the diagnostics, and the rate since the last call."""
@@ -104,14 +106,24 @@ class EventInput:
 
     def drain(self) -> None:
         """Take in what has arrived: it has been acknowledged, nobody else keeps it for us."""
-        handle = self._subscription.handle
         deadline = time.monotonic() + DRAIN_WITHIN
-        while time.monotonic() < deadline:
-            with handle:
-                taken = handle.take_message(PointCloud2, False)
-            if taken is None:
+        while time.monotonic() < deadline and self._take_one():
+            pass
+
+    def _receive_some(self, cloud: PointCloud2) -> None:
+        self._receive(cloud)
+        for _ in range(TAKEN_AT_ONCE - 1):
+            if not self._take_one():
                 return
-            self._receive(taken[0])
+
+    def _take_one(self) -> bool:
+        handle = self._subscription.handle
+        with handle:
+            taken = handle.take_message(PointCloud2, False)
+        if taken is None:
+            return False
+        self._receive(taken[0])
+        return True
 
     def _receive(self, cloud: PointCloud2) -> None:
         try:

@@ -2,12 +2,18 @@
 Basins for somebody who watches: coarse at once, then finer and finer.
 
 Starts are followed in slices of a few milliseconds, so that the work can be dropped at any moment,
-and in rounds: after the first a picture may be shown. There are more of them while there is time,
-and what has not settled then stays unresolved in it. The last picture takes all the time it needs.
+in rounds, and in random order. A picture is shown when its time is over: what has not settled by
+then, or was not looked at, is unresolved in it. The finer ones are shown again when all their
+starts have been looked at, and the last one takes all the time it needs.
+
+On a chaotic attractor nothing settles before it has stayed there for so many impacts that it
+cannot be a transient. Where that is the least number of a search, the pictures before the last one
+try fewer, of which no start is seen to leave that has settled elsewhere in the first picture.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 import dataclasses
+import itertools
 import time
 from typing import Final
 
@@ -16,9 +22,18 @@ import numpy.typing as npt
 
 from .engine import run_tiles
 from .grid import make_starts, Plane
-from .search import Catalogue, find_attractors, orbits_among, settle_here, TOLERANCE
+from .search import (
+    Catalogue,
+    find_attractors,
+    orbits_among,
+    settle,
+    settle_here,
+    STAYS,
+    TOLERANCE,
+)
 from .sketch import sketched_sets
 from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
+from ..core.lanes import START
 from ..core.model import Parameters
 from ..core.periodic import Orbit
 from ..core.recorded import record_impacts
@@ -32,12 +47,17 @@ STARTS: Final = 256
 HOLD: Final = 2_000
 # What takes longer to be told from a transient is left unresolved [impacts].
 STAY_MOST: Final = 256
+# Shorter stays that are tried [impacts].
+STAYS_TRIED: Final = (16, 32, 64)
 # Unresolved starts of a picture that are looked at for orbits that were missed.
 LOOKED_AT: Final = 32
 SEED: Final = 1
-# Time for a picture, by the length of its edge at the most, after which no further round begins
-# and the present one ends [s].
-TIMES: Final = ((50, 0.04), (100, 0.1), (200, 0.15), (400, 0.5))
+# Time for a picture, by the length of its edge at the most, after which it is shown [s].
+TIMES: Final = ((50, 0.04), (100, 0.08), (200, 0.12), (400, 0.5))
+# From this edge on a picture is shown again when all its starts have been looked at [cells].
+WHOLE_FROM: Final = 400
+# A round of no more impacts is made however late it is.
+CHEAP: Final = 6_000_000
 # Impacts for which what has not settled is followed, again and again.
 ROUNDS: Final = (100, 300, 1_000, 3_000)
 # Impacts of a slice: some milliseconds; and the fewest starts, two for each lane.
@@ -202,55 +222,108 @@ def refine(seen: Glance, planes: Sequence[Plane], *, on_walls: bool, cap: int, t
         As soon as no more is wanted.
 
     """
-    catalogue, late = seen.catalogue, tuple[Orbit, ...]()
+    def check() -> None:
+        if is_dropped():
+            raise Dropped
+
+    certain = catalogue = seen.catalogue
+    late = tuple[Orbit, ...]()
     parameters = catalogue.parameters
+    settled = np.zeros(0, START)
     mean = GUESS
     for level, plane in enumerate(planes):
+        is_last = level == len(planes) - 1
         if level == 1:
-            catalogue = _without_slow_chaos(find_attractors(
+            certain = _without_slow_chaos(find_attractors(
                 parameters, plane.random_starts(parameters, STARTS, SEED), hold=HOLD,
-                threads=threads, trace=sketched_sets))
-            late = _missed(catalogue, seen.catalogue.orbits)
+                threads=threads, trace=sketched_sets, check=check))
+            late = _missed(certain, seen.catalogue.orbits)
+            catalogue = _hastened(certain, settled, threads, check)
+        if is_last and level > 0:
+            catalogue = certain
+        work = _Level(plane, parameters, on_walls)
+        until = time.monotonic() + _time_for(plane)
+        shown, total, is_late = 1.0, 0, False
+        limits = [*_rounds(catalogue, cap if is_last else ROUNDS[-1])]
+        for limit, following in itertools.pairwise([*limits, np.inf]):
+            mean, has_unseen = work.follow(
+                int(limit), catalogue.table(late), mean, threads,
+                np.inf if is_late or level == 0 else until, is_dropped)
+            total += int(limit)
+            if level > 0 and len(work.left):
+                late = _with_missed(catalogue, late, work.starts[work.left[:LOOKED_AT]])
+            is_late = time.monotonic() > until
+            goes_on = is_last or (has_unseen and _edge(plane) >= WHOLE_FROM)
+            is_cheap = level > 0 and len(work.left) * following <= CHEAP
+            if not len(work.left) or (is_late and not goes_on and not is_cheap):
+                break
+            if (level > 0 and goes_on and shown - work.unresolved > NEWS
+                    and (is_late or total >= ROUNDS[1])):
+                shown = work.unresolved
+                yield work.picture(catalogue, late, level > 0)
+        settled = work.settled
+        yield work.picture(catalogue, late, level > 0)
+
+
+class _Level:
+    """
+    One picture under way.
+
+    Attributes
+    ----------
+    starts : ndarray of START, shape (n,)
+        Mixed, so that what is not looked at in time is spread over the picture; those that have
+        not settled where they are now.
+    left : ndarray of int
+        Numbers of those that have not settled.
+
+    """
+
+    def __init__(self, plane: Plane, parameters: Parameters, on_walls: bool) -> None:
+        self._plane = plane
         size = plane.phases * plane.velocities
-        # Mixed, so that what is not looked at in time is spread over the picture.
-        order = np.random.default_rng(SEED).permutation(size)
+        self._order = np.random.default_rng(SEED).permutation(size)
         starts = plane.starts(parameters, slice(0, plane.velocities), slice(0, plane.phases))
         if on_walls:
             starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
-        starts = starts[order]
-        labels = np.full(size, UNRESOLVED, np.int16)
-        left = np.arange(size)
-        is_last = level == len(planes) - 1
-        until = time.monotonic() + _time_for(plane) if not is_last or level == 0 else np.inf
-        shown, total = 1.0, 0
-        for limit in _rounds(catalogue, cap if is_last else ROUNDS[-1]):
-            results, mean = _follow(
-                starts[left], limit, catalogue.table(late), mean, threads,
-                until if total else np.inf, is_dropped)
-            labels[order[left]] = results['label']
-            starts[left] = _moved(starts[left], results)
-            left = left[results['label'] == UNRESOLVED]
-            total += limit
-            if level > 0 and len(left):
-                late = _with_missed(catalogue, late, starts[left[:LOOKED_AT]])
-            if not len(left) or time.monotonic() > until:
-                break
-            unresolved = len(left) / size
-            if is_last and level > 0 and total >= ROUNDS[1] and shown - unresolved > NEWS:
-                shown = unresolved
-                yield _picture(plane, labels, catalogue, late, level)
-        yield _picture(plane, labels, catalogue, late, level)
+        self.starts = starts[self._order]
+        self.left = np.arange(size)
+        self._labels = np.full(size, UNRESOLVED, np.int16)
+
+    @property
+    def unresolved(self) -> float:
+        """Return the share of the starts that have not settled [1]."""
+        return len(self.left) / len(self.starts)
+
+    @property
+    def settled(self) -> RecordArray:
+        """Return the starts that have settled on an attractor."""
+        return self.starts[self._labels[self._order] >= 0]
+
+    def follow(self, limit: int, table: Table, mean: float, threads: int, until: float,
+               is_dropped: Callable[[], bool]) -> tuple[float, bool]:
+        """Follow what is left; return the mean of impacts, and whether some were not looked at."""
+        left = self.left
+        results, mean = _follow(self.starts[left], limit, table, mean, threads, until, is_dropped)
+        self._labels[self._order[left]] = results['label']
+        is_left = results['label'] == UNRESOLVED
+        self.left = left[is_left]
+        self.starts[self.left] = _moved(self.starts[self.left], results[is_left])
+        return mean, bool(np.any(results['impacts'][is_left] == 0))
+
+    def picture(self, catalogue: Catalogue, late: tuple[Orbit, ...], is_complete: bool) -> Basins:
+        """Show how far it is."""
+        plane = self._plane
+        labels = self._labels.reshape(plane.velocities, plane.phases).copy()
+        return Basins(plane, labels, catalogue, late, is_complete)
 
 
-def _picture(plane: Plane, labels: LabelArray, catalogue: Catalogue, late: tuple[Orbit, ...],
-             level: int) -> Basins:
-    return Basins(plane, labels.reshape(plane.velocities, plane.phases).copy(), catalogue, late,
-                  level > 0)
+def _edge(plane: Plane) -> int:
+    return max(plane.phases, plane.velocities)
 
 
 def _time_for(plane: Plane) -> float:
-    edge = max(plane.phases, plane.velocities)
-    return next((time for most, time in TIMES if edge <= most), np.inf)
+    return next((time for most, time in TIMES if _edge(plane) <= most), np.inf)
 
 
 def _rounds(catalogue: Catalogue, cap: int) -> Iterator[int]:
@@ -300,6 +373,19 @@ def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
         return catalogue
     labels = np.where(catalogue.labels < len(catalogue.orbits), catalogue.labels, UNRESOLVED)
     return dataclasses.replace(catalogue, chaotic=(), stay=0, labels=labels)
+
+
+def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int,
+              check: Callable[[], None]) -> Catalogue:
+    """Let starts settle on chaotic attractors as soon as none of those settled elsewhere would."""
+    # What leaves after more impacts leaves after fewer, too.
+    if catalogue.chaotic and catalogue.stay == STAYS[0]:
+        for stay in STAYS_TRIED:
+            tried = dataclasses.replace(catalogue, stay=stay)
+            labels = settle(settled, ROUNDS[-1], tried.table(), threads, check=check)['label']
+            if not np.any(labels >= len(catalogue.orbits)):
+                return tried
+    return catalogue
 
 
 def _missed(catalogue: Catalogue, orbits: Sequence[Orbit]) -> tuple[Orbit, ...]:

@@ -45,8 +45,9 @@ HOLD: Final = 100_000
 STAGES: Final = ((300, 200, 64), (2_000, 200, 64), (10_000, 200, 64), (30_000, 1_600, 512))
 # Starts that are followed for all of `hold`: the first that have not settled before.
 FOLLOWED: Final = 256
-# Starts of one call of the kernel.
+# Starts of one call of the kernel, fewer where they take so many impacts: it cannot be stopped.
 BATCH: Final = 250
+BATCH_IMPACTS: Final = 2_000_000
 # A largest exponent is positive if it is so many standard errors from zero.
 SIGNIFICANT: Final = 5.0
 # Impacts in the boxes after which a start is taken to be on a chaotic attractor: as few as are
@@ -56,6 +57,11 @@ STAYS: Final = (128, 256, 512, 1024, 2048, 4096)
 SETS_MOST: Final = 60
 
 Trace: TypeAlias = Callable[[Parameters, RecordArray], tuple[list[BoxSet], float]]
+Check: TypeAlias = Callable[[], None]
+
+
+def go_on() -> None:
+    """Give nothing up."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +125,7 @@ class Catalogue:
 def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: float = TOLERANCE,
                     hold: int = HOLD, chaotic: bool = True,
                     threads: int | None = None, cluster: str | None = None,
-                    trace: Trace = box_sets) -> Catalogue:
+                    trace: Trace = box_sets, check: Check = go_on) -> Catalogue:
     """
     Find all attractors that some of the starts reach.
 
@@ -141,6 +147,8 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         Address of a Dask scheduler that follows the starts instead.
     trace : callable
         Finds the sets on which trajectories move, as `box_sets` does.
+    check : callable
+        Called every few tenths of a second at least; raises to give up.
 
     Returns
     -------
@@ -160,7 +168,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         if until == hold:
             left = left[:FOLLOWED]
         results = settle(states[left], until - followed,
-                         make_table(list(orbits.values()), tolerance), threads, cluster)
+                         make_table(list(orbits.values()), tolerance), threads, cluster, check)
         followed = until
         labels[left] = results['label']
         for start, label in zip(left, results['label'], strict=True):
@@ -171,11 +179,12 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
         left = left[is_left]
         if not len(left):
             break
-        found = orbits_among(parameters, states[left], count, longest, tolerance)
+        found = orbits_among(parameters, states[left], count, longest, tolerance, check)
         orbits.update((orbit.key, orbit) for orbit in found if orbit.key not in orbits)
     ordered = tuple(orbits[key] for key in sorted(orbits))
     # Those which the last stage has found, and a start that was too far from its own.
-    results = settle(states[left], STAGES[0][0], make_table(ordered, tolerance), threads, cluster)
+    results = settle(states[left], STAGES[0][0], make_table(ordered, tolerance), threads, cluster,
+                     check)
     numbers = {orbit.key: number for number, orbit in enumerate(ordered)}
     labels = np.array([numbers.get(home, label) for home, label in zip(
         homes, labels, strict=True)], np.int64)
@@ -184,11 +193,12 @@ def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: f
     left = np.flatnonzero(labels == UNRESOLVED)
     if not chaotic or not len(left):
         return plain
-    return _with_chaos(plain, starts, states[left], threads, cluster, trace)
+    follow = functools.partial(settle, starts, hold, threads=threads, cluster=cluster, check=check)
+    return _with_chaos(plain, states[left], follow, trace, check)
 
 
 def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = None,
-           cluster: str | None = None) -> RecordArray:
+           cluster: str | None = None, check: Check = go_on) -> RecordArray:
     """
     Follow starts until they settle.
 
@@ -204,6 +214,8 @@ def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = No
         How many; by default one for each processor.
     cluster : str, optional
         Address of a Dask scheduler that follows them instead.
+    check : callable
+        Called after each batch; raises to give up.
 
     Returns
     -------
@@ -212,21 +224,21 @@ def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = No
 
     """
     results = np.zeros(len(starts), RESULT)
+    # At least two batches, for as many threads.
+    size = min(max(min(BATCH_IMPACTS // cap, -(-len(starts) // 2)), LANES), BATCH)
 
     def keep(batch: int, settled: RecordArray) -> None:
-        results[_part(batch)] = settled
+        results[batch * size:(batch + 1) * size] = settled
+        check()
 
-    run_tiles(functools.partial(_settle_batch, starts, cap, table),
-              range(-(-len(starts) // BATCH)), keep, cluster=cluster, threads=threads)
+    run_tiles(functools.partial(_settle_batch, starts, size, cap, table),
+              range(-(-len(starts) // size)), keep, cluster=cluster, threads=threads)
     return results
 
 
-def _part(batch: int) -> slice:
-    return slice(batch * BATCH, (batch + 1) * BATCH)
-
-
-def _settle_batch(starts: RecordArray, cap: int, table: Table, batch: int) -> RecordArray:
-    part = starts[_part(batch)]
+def _settle_batch(starts: RecordArray, size: int, cap: int, table: Table, batch: int
+                  ) -> RecordArray:
+    part = starts[batch * size:(batch + 1) * size]
     results = np.zeros(len(part), RESULT)
     settle_here(part, cap, table, results)
     return results
@@ -258,7 +270,7 @@ def settle_here(starts: RecordArray, cap: int, table: Table, results: RecordArra
 
 
 def orbits_among(parameters: Parameters, states: RecordArray, count: int, longest: int,
-                 tolerance: float) -> list[Orbit]:
+                 tolerance: float, check: Check = go_on) -> list[Orbit]:
     """
     Find the stable periodic orbits that trajectories approach.
 
@@ -274,6 +286,8 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
         Longest period [impacts].
     tolerance : float
         Largest difference of recurring impacts [1].
+    check : callable
+        Called for every batch of trajectories; raises to give up.
 
     Returns
     -------
@@ -284,6 +298,7 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
     found: dict[str, Orbit] = {}
     tried: list[tuple[int, npt.NDArray[np.float64]]] = []
     for first in range(0, len(states), BATCH):
+        check()
         rows, counts = record_impacts(states[first:first + BATCH], 0, count)
         for row, made in zip(rows, counts, strict=True):
             if made < count:
@@ -303,33 +318,30 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
     return [found[key] for key in sorted(found)]
 
 
-def _with_chaos(plain: Catalogue, starts: RecordArray, survivors: RecordArray,
-                threads: int | None, cluster: str | None, trace: Trace) -> Catalogue:
+def _with_chaos(plain: Catalogue, survivors: RecordArray, follow: Callable[[Table], RecordArray],
+                trace: Trace, check: Check) -> Catalogue:
+    """Add the sets on which survivors move; `follow` tells what becomes of all starts."""
     sets, speed = trace(plain.parameters, survivors)
+    check()
     sets = sorted(
         (found for found in sets if found.exponents.lambda_1
          > SIGNIFICANT * found.exponents.lambda_1_error), key=lambda found: found.key)[:SETS_MOST]
     known = len(plain.orbits)
-    numbers = [*range(known)]
     settled = plain.labels != UNRESOLVED
     for stay in STAYS:
         if not sets:
             break
-        table = _table(plain.orbits, plain.tolerance, numbers, tuple(sets), speed, stay, known)
-        labels = settle(starts, plain.hold, table, threads, cluster)['label']
+        tried = dataclasses.replace(plain, chaotic=tuple(sets), box_speed=speed, stay=stay)
+        labels = follow(tried.table())['label']
         leaks = {int(label) for label in labels[settled] if label >= known}
         if not leaks:
-            return dataclasses.replace(
-                plain, chaotic=tuple(sets), box_speed=speed, stay=stay, labels=labels)
+            return dataclasses.replace(tried, labels=labels)
         if stay == STAYS[-1]:
             # What trajectories leave is a transient, however long.
             sets = [found for number, found in enumerate(sets) if known + number not in leaks]
             if sets:
-                table = _table(plain.orbits, plain.tolerance, numbers, tuple(sets), speed, stay,
-                               known)
-                labels = settle(starts, plain.hold, table, threads, cluster)['label']
-                return dataclasses.replace(
-                    plain, chaotic=tuple(sets), box_speed=speed, stay=stay, labels=labels)
+                tried = dataclasses.replace(tried, chaotic=tuple(sets))
+                return dataclasses.replace(tried, labels=follow(tried.table())['label'])
     return plain
 
 

@@ -4,18 +4,31 @@ import math
 import signal
 import time
 
+from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import StreamGuard
-from gear_rattle_ros.messages import events_from_cloud, nanoseconds_from_stamp
+from gear_rattle_ros.messages import (
+    cloud_from_events,
+    events_from_cloud,
+    nanoseconds_from_stamp,
+)
+from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.qos import STREAM_INPUT
+
+
+def test_the_largest_batch_travels_whole() -> None:
+    """Beyond 65,500 bytes Fast DDS would send it in fragments; RTPS adds less than 500."""
+    cloud = cloud_from_events(np.zeros(LARGEST_BATCH, EVENT), Time())
+    assert len(serialize_message(cloud)) < 65_000
 
 
 class Reader:
