@@ -26,6 +26,7 @@ from .flight import (
     UPPER,
 )
 from .model import EVENT, EventArray, EventKind, Parameters, require_finite, State
+from .noise import gaussian
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 NOISE_MAXIMUM: Final = 10.0
@@ -53,55 +54,6 @@ TRAJECTORY: Final = np.dtype(
     ],
     align=True,
 )
-
-
-@kernel
-def mixed(word: int) -> int:
-    """
-    Mix the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014).
-
-    Parameters
-    ----------
-    word : uint64
-        A counter.
-
-    Returns
-    -------
-    uint64
-        64 bits that look random.
-
-    """
-    word = np.uint64(word)
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))
-
-
-@kernel
-def gaussian(seed: int, index: int) -> float:
-    """
-    Draw the standard normal number that belongs to a seed and an impact (Box-Muller).
-
-    Parameters
-    ----------
-    seed : uint64
-        Seed of the run.
-    index : int
-        Number of the impact; each has a draw of its own, whatever came before.
-
-    Returns
-    -------
-    float
-        A normal deviate [1].
-
-    """
-    golden = np.uint64(0x9E3779B97F4A7C15)
-    counter = mixed(np.uint64(seed) + golden) + np.uint64(2 * index) * golden
-    first = mixed(counter)
-    second = mixed(counter + golden)
-    uniform = (np.float64(first >> np.uint64(11)) + 1.0) * 2.0**-53
-    angle = np.float64(second >> np.uint64(11)) * 2.0**-53 * TWO_PI
-    return math.sqrt(-2.0 * math.log(uniform)) * sine_cosine(angle)[1]
 
 
 @kernel

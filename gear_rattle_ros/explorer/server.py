@@ -21,7 +21,7 @@ from .page import FIRST_POINT, first_view, Page, Shared
 from .simulator_link import SimulatorLink
 from .trajectory import follow
 from .view import EXPONENTS, View
-from ..offline.cli import number, Parser
+from ..offline.options import number, Parser
 from ..offline.progress import telling_of_compilation
 
 NAME = 'explorer'

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from . import cli
+from . import cli, options
 from .grid import Plane
 from .layout import Layout
 from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
@@ -256,21 +256,21 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
 
     """
-    parser = cli.Parser(NAME, description='Find every attractor at given parameters.')
-    cli.add_model(parser)
-    cli.add_plane(parser, size=None)
-    cli.add_seed(parser)
-    parser.add_argument('--starts', type=cli.whole(1), default=STARTS, metavar='N',
+    parser = options.Parser(NAME, description='Find every attractor at given parameters.')
+    options.add_model(parser)
+    options.add_plane(parser, size=None)
+    options.add_seed(parser)
+    parser.add_argument('--starts', type=options.whole(1), default=STARTS, metavar='N',
                         help=f'random starts; {STARTS} by default')
-    parser.add_argument('--hold', type=cli.whole(1000), default=HOLD, metavar='N',
+    parser.add_argument('--hold', type=options.whole(1000), default=HOLD, metavar='N',
                         help='impacts for which nothing may leave a chaotic attractor; '
                              f'{HOLD} by default')
-    parser.add_argument('--tolerance', type=cli.number, default=TOLERANCE, metavar='X',
+    parser.add_argument('--tolerance', type=options.number, default=TOLERANCE, metavar='X',
                         help=f'distance within which an orbit is reached [1]; {TOLERANCE:g} by '
                              'default')
 
     def work(given: argparse.Namespace, run: cli.Run) -> int:
-        parameters, plane = cli.model_of(given), cli.plane_of(given)
+        parameters, plane = options.model_of(given), options.plane_of(given)
         require_tolerance(given.tolerance)
         identity = identity_of(NAME, parameters, plane, tolerance=given.tolerance,
                                hold=given.hold, starts=given.starts, seed=given.seed)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from . import cli
+from . import cli, options
 from .attractors import (
     Attractor,
     attractors_of,
@@ -175,18 +175,18 @@ def add_settings(parser: argparse.ArgumentParser, cap: int) -> None:
         Default of the cap.
 
     """
-    cli.add_seed(parser)
-    parser.add_argument('--cap', type=cli.whole(1), default=cap, metavar='N',
+    options.add_seed(parser)
+    parser.add_argument('--cap', type=options.whole(1), default=cap, metavar='N',
                         help=f'impacts after which a start is given up; {cap} by default')
-    parser.add_argument('--tolerance', type=cli.number, default=TOLERANCE, metavar='X',
+    parser.add_argument('--tolerance', type=options.number, default=TOLERANCE, metavar='X',
                         help=f'distance within which an orbit is reached [1]; {TOLERANCE:g} by '
                              'default')
-    parser.add_argument('--starts', type=cli.whole(1), default=STARTS, metavar='N',
+    parser.add_argument('--starts', type=options.whole(1), default=STARTS, metavar='N',
                         help=f'random starts of the search for attractors; {STARTS} by default')
-    parser.add_argument('--hold', type=cli.whole(1000), default=HOLD, metavar='N',
+    parser.add_argument('--hold', type=options.whole(1000), default=HOLD, metavar='N',
                         help='impacts for which nothing may leave a chaotic attractor; '
                              f'{HOLD} by default')
-    parser.add_argument('--tile', type=cli.whole(1), metavar='N',
+    parser.add_argument('--tile', type=options.whole(1), metavar='N',
                         help='cells along the edge of a tile')
 
 
@@ -226,20 +226,21 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
 
     """
-    parser = cli.Parser(NAME, description='Find on which attractor every start of a grid settles.')
-    cli.add_model(parser)
-    cli.add_plane(parser)
+    parser = options.Parser(
+        NAME, description='Find on which attractor every start of a grid settles.')
+    options.add_model(parser)
+    options.add_plane(parser)
     add_settings(parser, CAP)
-    parser.add_argument('--zoom-levels', type=cli.whole(1), default=1, metavar='N',
+    parser.add_argument('--zoom-levels', type=options.whole(1), default=1, metavar='N',
                         help='successive magnifications, each a store of its own')
-    parser.add_argument('--zoom-at', type=cli.number, nargs=2, default=[None, None],
+    parser.add_argument('--zoom-at', type=options.number, nargs=2, default=[None, None],
                         metavar=('PHASE', 'VELOCITY'), help='point that stays where it is')
-    parser.add_argument('--zoom-factor', type=cli.number, default=10.0, metavar='X',
+    parser.add_argument('--zoom-factor', type=options.number, default=10.0, metavar='X',
                         help='how many times smaller each window is; 10 by default')
 
     def work(given: argparse.Namespace, run: cli.Run) -> int:
-        parameters = cli.model_of(given)
-        planes = magnifications(cli.plane_of(given), given.zoom_levels, given.zoom_at[0],
+        parameters = options.model_of(given)
+        planes = magnifications(options.plane_of(given), given.zoom_levels, given.zoom_at[0],
                                 given.zoom_at[1], given.zoom_factor)
         for level, plane in enumerate(planes):
             here = run if len(planes) == 1 else dataclasses.replace(

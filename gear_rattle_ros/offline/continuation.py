@@ -6,22 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from .cli import (
+from .cli import Figure, Run, run_tool
+from .diagram import Diagram
+from .ensembles import Window
+from .events import BINS, Event, events_of, searches_of
+from .options import (
     add_alpha_window,
     add_plane,
     add_seed,
-    Figure,
     model_of,
     number,
     Parser,
     plane_of,
-    Run,
-    run_tool,
     whole,
 )
-from .diagram import Diagram
-from .ensembles import Window
-from .events import BINS, Event, events_of, searches_of
 from .orbit_diagram import compute
 from .progress import Progress
 from .store import Store

@@ -13,22 +13,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from .cli import (
+from .cli import Figure, Run, run_tool
+from .escape_rates import fit_exponent, fit_law, LifetimeLaw
+from .escapes import compute, Escapes, rates_of
+from .options import (
     add_alpha_window,
     add_plane,
     add_seed,
     alpha_window_of,
-    Figure,
     model_of,
     number,
     Parser,
     plane_of,
-    Run,
-    run_tool,
     whole,
 )
-from .escape_rates import fit_exponent, fit_law, LifetimeLaw
-from .escapes import compute, Escapes, rates_of
 from .progress import Progress
 from .store import Store
 from .tangency import (

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from . import cli
+from . import cli, options
 from .attractors import identity_of
 from .engine import run_tiles
 from .grid import Plane, StartArray
@@ -118,17 +118,18 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
 
     """
-    parser = cli.Parser(NAME, description='Find how fast neighbours of every start part or meet: '
-                        'the largest exponent of the first impacts.')
-    cli.add_model(parser)
-    cli.add_plane(parser)
-    parser.add_argument('--impacts', type=cli.whole(1), default=IMPACTS, metavar='N',
+    parser = options.Parser(
+        NAME, description='Find how fast neighbours of every start part or meet: the largest '
+        'exponent of the first impacts.')
+    options.add_model(parser)
+    options.add_plane(parser)
+    parser.add_argument('--impacts', type=options.whole(1), default=IMPACTS, metavar='N',
                         help=f'impacts of every start; {IMPACTS} by default')
 
     def work(given: argparse.Namespace, run: cli.Run) -> int:
         if run.cluster:
             raise ValueError('--cluster: exponents run on the threads of this machine only')
-        parameters, plane = cli.model_of(given), cli.plane_of(given)
+        parameters, plane = options.model_of(given), options.plane_of(given)
         store = compute_exponents(parameters, plane, run, given.impacts)
         values = store.read_all('exponent')
         finite = values[np.isfinite(values)]

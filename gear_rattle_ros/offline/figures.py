@@ -19,7 +19,8 @@ import textwrap
 import time
 from typing import Final
 
-from .cli import attempt, INTERRUPTED, PACKAGE, Parser
+from .cli import attempt, INTERRUPTED, PACKAGE
+from .options import Parser
 from .store import versions
 from ..places import config_folder
 from ..plain_yaml import read_yaml

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from . import cli
+from . import cli, options
 from .attractors import Attractor
 from .basins import add_settings, compute_basins, Settings, settings_of
 from .grid import Plane
@@ -259,20 +259,21 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
 
     """
-    parser = cli.Parser(NAME, description='Find how long every start of a grid is transient. '
-                        'Chaos counts as transient: only an orbit or rest ends it.')
-    cli.add_model(parser, alpha=1.244)
-    cli.add_plane(parser)
+    parser = options.Parser(
+        NAME, description='Find how long every start of a grid is transient. Chaos counts as '
+        'transient: only an orbit or rest ends it.')
+    options.add_model(parser, alpha=1.244)
+    options.add_plane(parser)
     add_settings(parser, CAP)
     parser.set_defaults(starts=STARTS, hold=HOLD)
-    parser.add_argument('--tail', type=cli.whole(0), metavar='N',
+    parser.add_argument('--tail', type=options.whole(0), metavar='N',
                         help='impacts from which lifetimes are exponential; a tenth of the cap by '
                              'default')
     parser.add_argument('--grey', action='store_true',
                         help="draw the paper's linear grey scale")
 
     def work(given: argparse.Namespace, run: cli.Run) -> int:
-        parameters, plane = cli.model_of(given), cli.plane_of(given)
+        parameters, plane = options.model_of(given), options.plane_of(given)
         store, catalogue, attractors, escape = compute_lifetimes(
             parameters, plane, run, settings_of(given, chaotic=False), given.tail)
         for each in attractors:

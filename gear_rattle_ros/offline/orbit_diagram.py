@@ -10,22 +10,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .cli import (
+from .cli import Figure, Run, run_tool
+from .diagram import describe, Diagram, layout_of, STATE, SWEEPS
+from .engine import run_tiles
+from .ensembles import Ensemble, Followers, run_ensemble, settle, Window
+from .options import (
     add_alpha_window,
     add_plane,
     add_seed,
-    Figure,
     model_of,
     number,
     Parser,
     plane_of,
-    Run,
-    run_tool,
     whole,
 )
-from .diagram import describe, Diagram, layout_of, STATE, SWEEPS
-from .engine import run_tiles
-from .ensembles import Ensemble, Followers, run_ensemble, settle, Window
 from .store import make_store, Store
 from .tracks import track
 from ..core.lanes import START

@@ -7,22 +7,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .cli import (
-    add_model,
-    add_plane,
-    add_seed,
-    Figure,
-    model_of,
-    number,
-    Parser,
-    plane_of,
-    Run,
-    run_tool,
-    whole,
-)
+from .cli import Figure, Run, run_tool
 from .ensembles import orbit_of, SAME
 from .grid import Plane, TWO_PI
 from .layout import Axis, Layout, Variable
+from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
 from .store import make_store, Store
 from ..core.closed_orbits import PeriodicOrbit, same_orbit
 from ..core.model import Parameters

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.offline import attractors, basins, exponents, lifetimes
-from gear_rattle_ros.offline.cli import number, Parser
+from gear_rattle_ros.offline.options import number, Parser
 from gear_rattle_ros.offline.progress import in_words, Progress
 from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
 
