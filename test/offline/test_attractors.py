@@ -169,3 +169,29 @@ def test_keys_of_chaotic_attractors_do_not_depend_on_the_seed(alpha, impacts):
         assert back['velocity'] == pytest.approx(float(velocity), abs=5e-3)
         assert 1e-5 < abs(back['phase'] - float(phase)) + abs(back['velocity'] - float(velocity))
     assert len(keys) == 1
+
+
+def test_a_search_can_be_given_up_all_along() -> None:
+    """Checks come all along, and the one that raises is the last."""
+    starts = Plane().random_starts(Parameters(1.0), 60, 1)
+    calls = []
+
+    class GivenUp(Exception):
+        """As whoever asked may raise."""
+
+    def check() -> None:
+        calls.append(None)
+
+    find_attractors(Parameters(1.0), starts, hold=60_000, threads=1, check=check)
+    assert len(calls) > 10
+    most = len(calls) // 2
+    calls.clear()
+
+    def check_and_give_up() -> None:
+        calls.append(None)
+        if len(calls) == most:
+            raise GivenUp
+
+    with pytest.raises(GivenUp):
+        find_attractors(Parameters(1.0), starts, hold=60_000, threads=1, check=check_and_give_up)
+    assert len(calls) == most

@@ -1,5 +1,6 @@
 """Basins coarse to fine, against trajectories of the scalar simulation."""
 
+import dataclasses
 import threading
 
 import numpy as np
@@ -11,6 +12,7 @@ from gear_rattle_ros.core.orbits import Regime, TransientDetector
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
+from gear_rattle_ros.offline.search import settle
 
 TWO_ATTRACTORS = Parameters(0.48)
 NO_HINTS = np.zeros((0, 3))
@@ -114,3 +116,20 @@ def test_hints_are_followed() -> None:
 def test_sizes_double(largest: int, sizes: tuple[int, ...]) -> None:
     """From 50 to the largest."""
     assert sizes_up_to(largest) == sizes
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('alpha', [0.57, 1.0, 1.1, 1.7])
+def test_chaos_told_early_is_chaos(alpha: float) -> None:
+    """All of 400 x 400 starts against stays of 1024 impacts in the boxes."""
+    fine, *_ = [picture for picture in reversed(pictures(Parameters(alpha), (50, 400, 401)))
+                if picture.plane.phases == 400]
+    catalogue = fine.catalogue
+    assert catalogue.stay < 128 and fine.share(UNRESOLVED) < 0.001
+    starts = fine.plane.starts(catalogue.parameters, slice(0, 400), slice(0, 400))
+    starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
+    table = dataclasses.replace(catalogue, stay=1024).table(fine.late)
+    certain = settle(starts, 20_000, table)['label'].reshape(400, 400)
+    compared = (certain != UNRESOLVED) & (fine.labels != UNRESOLVED)
+    assert compared.mean() > 0.99
+    assert np.array_equal(fine.labels[compared], certain[compared])
