@@ -136,6 +136,10 @@ RECORDER: Final = (
     Specification('output', '', 'bag directory to make; empty = rosbag2_DATE-TIME here', '',
                   read_only=True),
     Specification('compression', 'zstd', 'of the chunks: zstd, lz4 or none', '', read_only=True),
+    Specification('max_bag_size', 0, 'begin another file of the bag when one is so large; 0 = '
+                  'never', 'bytes', 0, 2**53, read_only=True),
+    Specification('max_bag_duration', 3600, 'begin another file when one spans so much time; its '
+                  'index is in memory until then; 0 = never', 's', 0, 10**9, read_only=True),
 )
 REPLAY: Final = (
     Specification('bag', '', 'bag directory or .mcap file', '', read_only=True),

@@ -65,9 +65,9 @@ def states(count: int) -> list[bytes]:
 
 
 def make_bag(path: Path, clouds: Sequence[bytes], others: Sequence[bytes] = (),
-             flush_every: int = 10, compression: str = 'zstd') -> None:
+             flush_every: int = 10, compression: str = 'zstd', **splits: int) -> None:
     """Write a bag: a cloud every STEP, and a state half a step after each while there are any."""
-    writer = BagWriter(path, compression)
+    writer = BagWriter(path, compression, **splits)
     impacts = writer.add_topic(topic('/impacts', 'sensor_msgs/msg/PointCloud2'))
     exponents = writer.add_topic(topic('/lyapunov', 'sensor_msgs/msg/JointState'))
     for number, cloud in enumerate(clouds):

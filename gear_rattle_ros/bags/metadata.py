@@ -1,6 +1,7 @@
 """The metadata.yaml of a bag, version 9, with the keys and their order of rosbag2 in Jazzy."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -18,19 +19,49 @@ DISTRIBUTION: Final = 'jazzy'
 _NEVER: Final = 2**63 - 1
 
 
-def document(file_name: str, counts: Iterable[tuple[Topic, int]], start: int,
-             end: int) -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True)
+class Part:
     """
-    Describe a bag of one file.
+    What is in a file of a bag.
 
-    Parameters
+    Attributes
     ----------
-    file_name : str
+    name : str
         Of the .mcap file.
-    counts : iterable of (Topic, int)
+    counts : tuple of (Topic, int)
         The topics and how many messages each has.
     start, end : int
         Log time of the first and the last message [ns].
+
+    """
+
+    name: str
+    counts: tuple[tuple[Topic, int], ...]
+    start: int
+    end: int
+
+    @property
+    def total(self) -> int:
+        """
+        Count the messages.
+
+        Returns
+        -------
+        int
+            Of all topics.
+
+        """
+        return sum(count for _, count in self.counts)
+
+
+def document(parts: Sequence[Part]) -> dict[str, Any]:
+    """
+    Describe a bag.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Its files.
 
     Returns
     -------
@@ -38,16 +69,19 @@ def document(file_name: str, counts: Iterable[tuple[Topic, int]], start: int,
         What stands under ``rosbag2_bagfile_information``.
 
     """
-    counts = list(counts)
-    total = sum(count for _, count in counts)
-    starting = {'nanoseconds_since_epoch': start if total else _NEVER}
-    duration = {'nanoseconds': end - start if total else 0}
+    counts: dict[str, tuple[Topic, int]] = {}
+    for part in parts:
+        for topic, count in part.counts:
+            counts[topic.name] = (topic, counts.get(topic.name, (topic, 0))[1] + count)
+    filled = [part for part in parts if part.total]
+    start = min((part.start for part in filled), default=_NEVER)
+    end = max((part.end for part in filled), default=_NEVER)
     return {
         'version': VERSION,
         'storage_identifier': 'mcap',
-        'duration': duration,
-        'starting_time': starting,
-        'message_count': total,
+        'duration': {'nanoseconds': end - start},
+        'starting_time': {'nanoseconds_since_epoch': start},
+        'message_count': sum(part.total for part in parts),
         'topics_with_message_count': [
             {
                 'topic_metadata': {
@@ -59,17 +93,17 @@ def document(file_name: str, counts: Iterable[tuple[Topic, int]], start: int,
                 },
                 'message_count': count,
             }
-            for topic, count in counts
+            for topic, count in counts.values()
         ],
         'compression_format': '',
         'compression_mode': '',
-        'relative_file_paths': [file_name],
+        'relative_file_paths': [part.name for part in parts],
         'files': [{
-            'path': file_name,
-            'starting_time': dict(starting),
-            'duration': dict(duration),
-            'message_count': total,
-        }],
+            'path': part.name,
+            'starting_time': {'nanoseconds_since_epoch': part.start if part.total else _NEVER},
+            'duration': {'nanoseconds': part.end - part.start if part.total else 0},
+            'message_count': part.total,
+        } for part in parts],
         'custom_data': None,
         'ros_distro': DISTRIBUTION,
     }

@@ -1,6 +1,7 @@
 """Reading a bag, also one that was cut off or has no index."""
 
 from collections.abc import Collection, Iterator
+import heapq
 from pathlib import Path
 
 from .clouds import CloudDecoder, POINT_CLOUD
@@ -84,12 +85,22 @@ class Bag:
             At a damaged place.
 
         """
-        for file, contents in self._files:
-            with opened(file) as stream:
-                if contents.is_indexed:
-                    yield from read_indexed(stream, topics, start, end)
-                else:
-                    yield from read_through(stream, topics, start, end)
+        # Where one file ends and the next begins, topics may overlap.
+        waiting = sorted(self._files, key=lambda each: each[1].start, reverse=True)
+        heads: list[tuple[int, int, Message, Iterator[Message]]] = []
+
+        def push(number: int, source: Iterator[Message]) -> None:
+            head = next(source, None)
+            if head is not None:
+                heapq.heappush(heads, (head.log_time, number, head, source))
+
+        while waiting or heads:
+            while waiting and (not heads or waiting[-1][1].start <= heads[0][0]):
+                push(-len(waiting), _messages_of(*waiting.pop(), topics, start, end))
+            if heads:
+                _, number, message, source = heapq.heappop(heads)
+                yield message
+                push(number, source)
 
     def events(self, topic: str = '') -> Iterator[EventArray]:
         """
@@ -151,6 +162,13 @@ class Bag:
             raise BagError(
                 f'{self.path}: has {len(found)} topics named impacts; name one of {names}')
         return found[0]
+
+
+def _messages_of(file: Path, contents: Contents, topics: Collection[str] | None, start: int,
+                 end: int) -> Iterator[Message]:
+    with opened(file) as stream:
+        read = read_indexed if contents.is_indexed else read_through
+        yield from read(stream, topics, start, end)
 
 
 def _find_files(path: Path) -> list[Path]:

@@ -2,59 +2,18 @@
 
 from collections.abc import Iterator
 import contextlib
-import os
 from pathlib import Path
-from typing import Any, Final
-
-from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, Schema
-from mcap.writer import CompressionType, Writer
 
 from . import metadata
+from .bag_file import BagFile, COMPRESSIONS
 from .topics import BagError, Topic
 
-COMPRESSIONS: Final = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
-}
-_CHUNK: Final = 2 * 1024 * 1024
-
-
-class _File:
-    """A file that hands every write on at once and whole, so that an error belongs to it."""
-
-    def __init__(self, path: Path) -> None:
-        self._raw = path.open('xb', buffering=0)
-        self.size = 0
-
-    def write(self, data: bytes) -> int:
-        view = memoryview(data)
-        while view:
-            view = view[self._raw.write(view):]
-        self.size += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        return self.size
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def sync(self) -> None:
-        os.fdatasync(self._raw.fileno())
-
-    def close(self, size: int) -> None:
-        """Close, without what lies behind a size."""
-        with self._raw:
-            if self._raw.tell() > size:
-                self._raw.truncate(size)
-            os.fsync(self._raw.fileno())
+__all__ = ['BagWriter', 'COMPRESSIONS']
 
 
 class BagWriter:
     """
-    A bag directory with one .mcap file, of the layout that rosbag2 of Jazzy writes.
+    A bag directory with .mcap files, of the layout that rosbag2 of Jazzy writes.
 
     Parameters
     ----------
@@ -62,11 +21,14 @@ class BagWriter:
         To be made.
     compression : str
         Of the chunks: zstd, lz4 or none.
+    largest, longest : int
+        Begin a new file when one has this size [byte], or when a message was received so long
+        [ns] after the first in it; 0 for never. The index of a file is kept in memory until then.
 
     Attributes
     ----------
-    messages, size : int
-        Messages written, those in the open chunk included, and length of the file [byte].
+    messages : int
+        Messages written, those in the open chunk included.
 
     Raises
     ------
@@ -75,39 +37,31 @@ class BagWriter:
 
     """
 
-    def __init__(self, directory: Path, compression: str = 'zstd') -> None:
+    def __init__(self, directory: Path, compression: str = 'zstd', *, largest: int = 0,
+                 longest: int = 0) -> None:
         self.directory = directory
         self.messages = 0
-        self._topics: dict[int, Topic] = {}
-        self._counts: dict[int, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._start = 2**63 - 1
-        self._end = 0
-        # What reading the file up to its present size would find.
-        self._whole: dict[str, Any] = {}
-        self._whole_size = 0
-        self._open_chunk = 0
-        # Written once more behind the chunk they stand in: its loss would be that of all.
-        self._repeated = RecordBuilder()
+        self._compression = compression
+        self._largest = largest
+        self._longest = longest
+        self._topics: list[Topic] = []
+        # The files that are finished, and their length [byte].
+        self._finished: list[metadata.Part] = []
+        self._finished_size = 0
         try:
             directory.mkdir(parents=True)
-            self.path = directory / f'{directory.resolve().name}_0.mcap'
-            self._file = _File(self.path)
+            self._name = directory.resolve().name
+            self._file = self._next_file()
         except FileExistsError:
             raise BagError(f'{directory}: exists already, choose another name') from None
         except OSError as error:
             raise BagError(f'{directory}: cannot be made: {error.strerror}') from None
-        with self._guarded():
-            self._writer = Writer(
-                self._file, chunk_size=_CHUNK,  # type: ignore[arg-type]
-                compression=COMPRESSIONS[compression])
-            self._writer.start(profile='ros2')
-            self._settle()
-            self.write_metadata()
+        self.write_metadata()
 
     @property
     def size(self) -> int:
-        return self._file.size
+        """Length of all files [byte]."""
+        return self._finished_size + self._file.size
 
     def add_topic(self, topic: Topic) -> int:
         """
@@ -124,22 +78,9 @@ class BagWriter:
             The channel, for `write`.
 
         """
-        offered = metadata.dump([dict(qos) for qos in topic.offered_qos])
         with self._guarded():
-            if topic.type_name not in self._schemas:
-                self._schemas[topic.type_name] = self._writer.register_schema(
-                    topic.type_name, topic.encoding, topic.definition.encode())
-            described = {
-                'offered_qos_profiles': offered,
-                'topic_type_hash': topic.type_hash,
-            }
-            schema = self._schemas[topic.type_name]
-            channel = self._writer.register_channel(topic.name, 'cdr', schema, described)
-        Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(
-            self._repeated)
-        Channel(channel, topic.name, 'cdr', described, schema).write(self._repeated)
-        self._topics[channel] = topic
-        self._counts[channel] = 0
+            channel = self._file.add_topic(topic)
+        self._topics.append(topic)
         return channel
 
     def write(self, channel: int, log_time: int, publish_time: int, sequence: int,
@@ -164,17 +105,12 @@ class BagWriter:
             If the file cannot be written; see `abandon`.
 
         """
-        self.messages += 1
-        self._counts[channel] += 1
-        self._start = min(self._start, log_time)
-        self._end = max(self._end, log_time)
-        self._open_chunk += 1
-        size = self.size
         with self._guarded():
-            self._writer.add_message(
-                channel, log_time, data, publish_time, sequence & 0xFFFFFFFF)
-        if self.size != size:
-            self._settle()
+            if (0 < self._largest <= self._file.size
+                    or 0 < self._longest <= log_time - self._file.start):
+                self._split()
+            self._file.write(channel, log_time, publish_time, sequence, data)
+        self.messages += 1
 
     def flush(self) -> None:
         """
@@ -187,9 +123,7 @@ class BagWriter:
 
         """
         with self._guarded():
-            if self._open_chunk:
-                self._writer.flush()
-                self._settle()
+            self._file.flush()
 
     def sync(self) -> None:
         """
@@ -206,7 +140,7 @@ class BagWriter:
 
     def write_metadata(self) -> None:
         """
-        Bring metadata.yaml up to what a reader of the file would find now.
+        Bring metadata.yaml up to what a reader of the files would find now.
 
         Raises
         ------
@@ -215,7 +149,7 @@ class BagWriter:
 
         """
         with self._guarded():
-            metadata.write(self.directory, self._whole)
+            self._write_metadata()
 
     def close(self) -> None:
         """
@@ -228,12 +162,8 @@ class BagWriter:
 
         """
         with self._guarded():
-            self.flush()
-            self._writer.add_metadata(
-                'rosbag2', {'serialized_metadata': metadata.dump(self._whole)})
-            self._writer.finish()
-            self._file.close(self.size)
-            metadata.write(self.directory, self._whole)
+            self._file.finish(self._finished)
+            self._write_metadata()
 
     def abandon(self) -> int:
         """
@@ -245,21 +175,33 @@ class BagWriter:
             Messages that are kept.
 
         """
-        with contextlib.suppress(OSError, ValueError):
-            self._file.close(self._whole_size)
+        self._file.abandon()
         with contextlib.suppress(OSError):
-            metadata.write(self.directory, self._whole)
-        return int(self._whole['message_count'])
+            self._write_metadata()
+        return int(metadata.document(self._parts())['message_count'])
 
-    def _settle(self) -> None:
-        self._open_chunk = 0
-        if self._repeated.count:
-            self._file.write(self._repeated.end())
-        self._whole_size = self._file.size
-        self._whole = metadata.document(
-            self.path.name,
-            [(topic, self._counts[channel]) for channel, topic in self._topics.items()],
-            self._start, self._end)
+    def _parts(self) -> list[metadata.Part]:
+        last = self._file.part()
+        return [part for part in self._finished if part.name != last.name] + [last]
+
+    def _write_metadata(self) -> None:
+        metadata.write(self.directory, metadata.document(self._parts()))
+
+    def _next_file(self) -> BagFile:
+        path = self.directory / f'{self._name}_{len(self._finished)}.mcap'
+        return BagFile(path, self._compression)
+
+    def _split(self) -> None:
+        self._file.finish(self._finished)
+        self._finished.append(self._file.part())
+        size = self._file.size
+        following = self._next_file()
+        for topic in self._topics:
+            following.add_topic(topic)
+        self._finished_size += size
+        self._file = following
+        # Before there is anything in the new file: readers go by its name in there.
+        self._write_metadata()
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:

@@ -180,7 +180,9 @@ class Recorder(ShellNode):
                              f'{", ".join(COMPRESSIONS)}')
         name = str(self.values['output']) or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
         try:
-            return BagWriter(Path(name).expanduser(), compression)
+            return BagWriter(
+                Path(name).expanduser(), compression, largest=int(self.values['max_bag_size']),
+                longest=int(self.values['max_bag_duration']) * 1_000_000_000)
         except BagError as error:
             raise StartError(f'output = {error}') from None
 

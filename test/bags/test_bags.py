@@ -16,6 +16,7 @@ import yaml
 
 from gear_rattle_ros.bags import Bag, BagError, BagWriter, CloudDecoder, message_definition
 from gear_rattle_ros.core.model import EVENT, impact_count
+from gear_rattle_ros.offline.recover import recover
 
 EVENTS = story()
 CLOUDS = batches(EVENTS)
@@ -181,6 +182,60 @@ def test_a_growing_bag_can_be_read(tmp_path: Path) -> None:
     with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
         found = NonSeekingReader(stream).iter_messages(log_time_order=False)
         assert [message.data for _, _, message in itertools.islice(found, 8)] == CLOUDS[:8]
+
+
+@pytest.mark.parametrize('splits', [{'longest': 10 * STEP}, {'largest': 20_000}])
+def test_a_bag_of_several_files(tmp_path: Path, splits: dict[str, int]) -> None:
+    """Ours, rosbags and mcap's own reader find the same in them as in a bag of one file."""
+    make_bag(tmp_path / 'one', CLOUDS, STATES)
+    make_bag(tmp_path / 'bag', CLOUDS, STATES, **splits)
+    text = (tmp_path / 'bag' / 'metadata.yaml').read_text()
+    information = yaml.safe_load(text)['rosbag2_bagfile_information']
+    names = information['relative_file_paths']
+    assert len(names) >= 5 and names == [f'bag_{number}.mcap' for number in range(len(names))]
+    for entry in information['files']:
+        with (tmp_path / 'bag' / entry['path']).open('rb') as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            statistics = reader.get_summary().statistics
+            assert sum(1 for _ in reader.iter_messages()) == entry['message_count']
+        start = entry['starting_time']['nanoseconds_since_epoch']
+        assert statistics.message_start_time == start
+        assert statistics.message_end_time == start + entry['duration']['nanoseconds']
+        assert not splits.get('longest', 0) or entry['duration']['nanoseconds'] <= 10 * STEP
+    both = [Bag(tmp_path / name) for name in ('one', 'bag')]
+    one, several = ([*bag.messages()] for bag in both)
+    assert several == one
+    assert both[0].counts == both[1].counts and both[1].is_whole
+    assert (both[0].start, both[0].end) == (both[1].start, both[1].end)
+    with AnyReader([tmp_path / 'bag']) as reader:
+        assert [(c.topic, time, data) for c, time, data in reader.messages()] == [
+            (m.topic, m.log_time, m.data) for m in one]
+    recover(tmp_path / 'bag', tmp_path / 'again')
+    assert [*Bag(tmp_path / 'again').messages()] == one
+
+
+@pytest.mark.parametrize('moment', ['BagFile.finish', 'BagFile.__init__', 'BagFile.add_topic',
+                                    'BagWriter._write_metadata'])
+@pytest.mark.parametrize('is_killed', [True, False])
+def test_nothing_is_lost_between_two_files(
+        tmp_path: Path, moment: str, is_killed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed, or the disk full, before each step of the change, or just after the last one."""
+    writer = BagWriter(tmp_path / 'bag', longest=10 * STEP)
+    channel = writer.add_topic(topic('/impacts', 'sensor_msgs/msg/PointCloud2'))
+    for number, cloud in enumerate(CLOUDS[:10]):
+        writer.write(channel, START + number * STEP, START, number, cloud)
+    writer.flush()
+
+    def fail(*_: object) -> None:
+        raise OSError(28, 'No space left on device')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(f'gear_rattle_ros.bags.writer.{moment}', fail)
+        with pytest.raises(BagError, match='No space left on device'):
+            writer.write(channel, START + 10 * STEP, START, 10, CLOUDS[10])
+    if not is_killed:
+        assert writer.abandon() == 10
+    assert [message.data for message in Bag(tmp_path / 'bag').messages()] == CLOUDS[:10]
 
 
 @pytest.mark.parametrize('is_little', [True, False])

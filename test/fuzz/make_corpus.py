@@ -42,7 +42,7 @@ def main() -> None:
         'cloud': b'C' + clouds[0],
         'no_points': b'C' + bag_maker.batches(bag_maker.story(2)[:1], 1)[0],
         'metadata': b'Y' + metadata.dump({'rosbag2_bagfile_information': metadata.document(
-            'bag.mcap', [(TOPIC, 3)], 1, 2)}).encode(),
+            [metadata.Part('bag.mcap', ((TOPIC, 3),), 1, 2)])}).encode(),
     }
     for name, data in inputs.items():
         (CORPUS / name).write_bytes(data)
