@@ -39,6 +39,8 @@ PLANES: Final = ('section', 'displacement')
 POLL: Final = 0.01
 # Parameters that have stayed so long have settled; until then there are coarse pictures only [s].
 SETTLED: Final = 0.05
+# Niceness of what computes all but the first picture.
+LEAST: Final = 19
 # The plane reaches so many times further than the fastest impact.
 ROOM: Final = 1.5
 POINT: Final = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<f4'),
@@ -152,8 +154,8 @@ class Job(threading.Thread):
             traces, hues = follow(memory.traces, points_of(basins.catalogue, basins.late),
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
-            # What is finer runs when nothing else would.
-            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+            # What is finer gives way to everything; it must not starve, as it may hold the GIL.
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LEAST)
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
 
 
