@@ -128,9 +128,8 @@ BASIN: Final = (
     Specification('cap', 20000, 'a start that has not settled then stays unresolved', 'impacts',
                   100, 10000000, read_only=True),
     Specification('threads', 2, 'that compute', 'threads', 1, 256, read_only=True),
-    Specification('niceness', 10, 'of the first picture: 0 = as important as others, 19 = least, as '
-                  'finer ones have', '', 0, 19,
-                  read_only=True),
+    Specification('niceness', 10, 'of the first picture: 0 = as important as others, 19 = least, '
+                  'as finer ones have', '', 0, 19, read_only=True),
 )
 RECORDER: Final = (
     Specification('output', '', 'bag directory to make; empty = rosbag2_DATE-TIME here', '',
