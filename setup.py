@@ -83,6 +83,7 @@ setup(
         'matplotlib',
         'mcap>=1.2',
         'numba>=0.58',
+        'numcodecs>=0.13',
         'numpy>=1.26',
         'pillow',
         'pyyaml',

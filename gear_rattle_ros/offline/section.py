@@ -22,6 +22,7 @@ BATCH: Final = 64
 # What recurs is looked for in so many of the last impacts.
 LAST: Final = 256
 SETTLED, WANDERING = 0, 1
+TABLES: Final = ('orbit_phase', 'orbit_velocity')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +91,7 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
 
     """
     store = make_store(run.output, _layout(section), run.command, resume=run.resume)
-    if not store.pending():
+    if not store.pending() and all(store.has_table(name) for name in TABLES):
         return store, list(store.attributes['seen'])
     progress = run.progress(section.trajectories)
     starts = section.plane.random_starts(section.parameters, section.trajectories, section.seed)
@@ -114,7 +115,6 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     progress.end()
     for kind in (SETTLED, WANDERING):
         store.write(kind, {'count': counts[kind][None].astype(np.uint32)})
-        store.mark(kind)
     words = [f'{section.trajectories - sum(members)} of {section.trajectories} trajectories do '
              f'not recur after {section.skip + section.keep:,} impacts']
     words += [f'{n} are on an orbit of {o.period_impacts} impacts in {o.period_drive} drive '
@@ -123,11 +123,14 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     found = np.concatenate(points) if points else np.zeros((0, 2))
     found = np.unique(np.round(found, 9), axis=0)
     store.write_table({
-        'orbit_phase': (('point',), found[:, 0], {
+        TABLES[0]: (('point',), found[:, 0], {
             'long_name': 'phase of the impacts of periodic orbits', 'units': 'rad'}),
-        'orbit_velocity': (('point',), found[:, 1], {
+        TABLES[1]: (('point',), found[:, 1], {
             'long_name': 'velocity just before them', 'units': '1'})})
     store.set_attributes({'seen': words})
+    # Last, as nothing of this is computed again once both are done.
+    for kind in (SETTLED, WANDERING):
+        store.mark(kind)
     return store, words
 
 

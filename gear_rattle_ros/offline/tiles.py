@@ -234,7 +234,7 @@ def compute_grid(store: Store, parameters: Parameters, plane: Plane, catalogue: 
         ordered = tuple(late[key] for key in sorted(late))
         if ordered:
             job = dataclasses.replace(job, table=catalogue.table(ordered))
-            do(resolve_tile, list(range(len(store.tiles))), lambda tile, done: None)
+            do(resolve_tile, list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
     finally:
         progress.end()
     return ordered

@@ -1,0 +1,353 @@
+"""
+The documents of a store, held against what they should say before zarr reads any of them.
+
+Zarr trusts its files: an absurd document makes it allocate whatever it says.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+import itertools
+import json
+import math
+from pathlib import Path
+import stat
+from typing import Any, Final
+
+import numpy as np
+
+from .layout import Layout
+
+DIMENSIONS: Final = '_ARRAY_DIMENSIONS'
+DONE: Final = 'tile_done'
+CHECKSUMS: Final = 'tile_checksum'
+# Readers check the bytes, too: a frame of zstd ends with a checksum of its content.
+COMPRESSOR: Final[Mapping[str, Any]] = {'id': 'zstd', 'level': 1, 'checksum': True}
+ELSE: Final = 'choose another --output'
+DOCUMENT_MOST: Final = 1 << 26
+TILES_MOST: Final = 10_000_000
+
+
+class StoreError(Exception):
+    """A store that cannot be made, read or continued; the message is one line."""
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """
+    Read a JSON document.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    dict
+        What it says.
+
+    Raises
+    ------
+    StoreError
+        If it is none.
+
+    """
+    try:
+        status = path.lstat()
+        if not stat.S_ISREG(status.st_mode) or status.st_size > DOCUMENT_MOST:
+            raise StoreError(f'{path} is no document of a store; {ELSE}')
+        found = json.loads(path.read_bytes())
+    except OSError as error:
+        raise StoreError(f'{path} cannot be read: {error.strerror}; {ELSE}') from error
+    except (ValueError, RecursionError) as error:
+        raise StoreError(f'{path} is damaged: it is no JSON; {ELSE}') from error
+    if not isinstance(found, dict):
+        raise StoreError(f'{path} is damaged: it holds no names; {ELSE}')
+    return found
+
+
+def require_group(path: Path) -> None:
+    """
+    Hold the documents of a group against what they should say, but for its attributes.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+
+    Raises
+    ------
+    StoreError
+        If it is no group of this format.
+
+    """
+    read_document(path / '.zattrs')
+    if read_document(path / '.zgroup') != {'zarr_format': 2}:
+        raise StoreError(f'{path}/.zgroup is damaged: it is not that of a group of format 2; '
+                         f'{ELSE}')
+
+
+def require_plain_files(path: Path) -> None:
+    """
+    Refuse what leads out of a store, or deeper than one goes.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+
+    Raises
+    ------
+    StoreError
+        If it holds anything but files, and directories of files.
+
+    """
+    try:
+        folders = [path, *(entry for entry in path.iterdir()
+                           if stat.S_ISDIR(entry.lstat().st_mode))]
+        for folder in folders:
+            for entry in folder.iterdir():
+                mode = entry.lstat().st_mode
+                if not (stat.S_ISREG(mode) or folder == path and stat.S_ISDIR(mode)):
+                    raise StoreError(f'{entry} is no part of a store, which holds directories of '
+                                     f'plain files; move it away, or {ELSE}')
+    except OSError as error:
+        raise StoreError(f'{error.filename} cannot be read: {error.strerror}; {ELSE}') from error
+
+
+def tiles_of(path: Path) -> dict[str, tuple[int, int]]:
+    """
+    Read how a store is cut.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+
+    Returns
+    -------
+    dict
+        For every tiled dimension its size and the length of a tile.
+
+    Raises
+    ------
+    StoreError
+        If that makes no sense, or marks and checksums have no room for so many tiles.
+
+    """
+    if (path / CHECKSUMS / '.zarray').exists() != (path / DONE / '.zarray').exists():
+        raise StoreError(f'{path} has no checksums, or nothing but these: it can be read, but not '
+                         f'continued; {ELSE}')
+    place = path / DONE / '.zattrs'
+    given = read_document(place).get('tiles')
+    wrong = StoreError(f'{place} is damaged: tiles = {shortened(given)} are none; {ELSE}')
+    cuts: dict[str, tuple[int, int]] = {}
+    for item in given if isinstance(given, list) else [None]:
+        if not isinstance(item, list) or len(item) != 3 or type(item[0]) is not str or not all(
+                type(number) is int for number in item[1:]) or item[0] in cuts:
+            raise wrong
+        size, step = item[1:]
+        if not 0 < step <= size:
+            raise wrong
+        cuts[item[0]] = size, step
+    count = math.prod(-(-size // step) for size, step in cuts.values())
+    if count > TILES_MOST:
+        raise wrong
+    for name, dtype in ((DONE, '|u1'), (CHECKSUMS, '<u4')):
+        require_array(path / name, ('tile',), (count,), (count,), dtype, 0)
+    return cuts
+
+
+def variables_of(path: Path) -> dict[str, list[str]]:
+    """
+    Read which arrays are made tile by tile.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+
+    Returns
+    -------
+    dict
+        For each its dimensions.
+
+    Raises
+    ------
+    StoreError
+        If these are no names.
+
+    """
+    place = path / DONE / '.zattrs'
+    given = read_document(place).get('variables')
+    found: dict[str, list[str]] = {}
+    for name in given if isinstance(given, list) else [None]:
+        if not isinstance(name, str) or not name.isidentifier():
+            raise StoreError(f'{place} is damaged: variables = {shortened(given)} are no names; '
+                             f'{ELSE}')
+        dimensions = read_document(path / name / '.zattrs').get(DIMENSIONS)
+        if not isinstance(dimensions, list) or not all(isinstance(o, str) for o in dimensions):
+            raise StoreError(f'{path / name}/.zattrs is damaged: {DIMENSIONS} = '
+                             f'{shortened(dimensions)} are none; {ELSE}')
+        found[name] = dimensions
+    return found
+
+
+def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
+                  chunks: Sequence[int], dtype: str, fill: Any) -> None:
+    """
+    Hold the documents of an array against what they should say.
+
+    Parameters
+    ----------
+    folder : Path
+        The array.
+    dimensions : sequence of str
+        Their names.
+    shape, chunks : sequence of int
+        Lengths of the array and of its chunks.
+    dtype : str
+        Type of its elements.
+    fill : object
+        Value where nothing is written.
+
+    Raises
+    ------
+    StoreError
+        If they say anything else.
+
+    """
+    is_mark = folder.name in (DONE, CHECKSUMS)
+    expected = {
+        'zarr_format': 2, 'shape': list(shape), 'chunks': [max(1, n) for n in chunks],
+        'dtype': dtype, 'fill_value': 'NaN' if fill != fill else fill, 'order': 'C',
+        'filters': None, 'compressor': None if is_mark else dict(COMPRESSOR),
+        'dimension_separator': '.'}
+    document = read_document(folder / '.zarray')
+    # Some versions of zarr leave it out where it is a point.
+    document.setdefault('dimension_separator', '.')
+    document['filters'] = document.get('filters') or None
+    for name in document:
+        if name not in expected:
+            raise StoreError(f'{folder}/.zarray is damaged: it says {shortened(name)}; {ELSE}')
+    _require(folder / '.zarray', document, expected)
+    _require(folder / '.zattrs', read_document(folder / '.zattrs'), {
+        DIMENSIONS: list(dimensions)})
+
+
+def require_layout(path: Path, layout: Layout, cuts: Mapping[str, tuple[int, int]]) -> None:
+    """
+    Hold all documents of a store against its layout.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+    layout : Layout
+        What it should be.
+    cuts : mapping
+        Size and length of a tile of tiled dimensions; the length may be any.
+
+    Raises
+    ------
+    StoreError
+        If one says anything else.
+
+    """
+    place = path / DONE / '.zattrs'
+    sizes = {axis.name: len(axis.values) for axis in layout.axes}
+    tiled = {axis.name: sizes[axis.name] for axis in layout.axes if axis.tile}
+    names, expected = list(variables_of(path)), [one.name for one in layout.variables]
+    if names != expected:
+        raise StoreError(f'{place} is damaged: variables = {shortened(names)}, not '
+                         f'{shortened(expected)}; {ELSE}')
+    # In this order: it numbers the tiles.
+    if list(tiled.items()) != [(name, size) for name, (size, _) in cuts.items()]:
+        raise StoreError(f'{place} is damaged: tiles cover {shortened(dict(cuts))}, not '
+                         f'{shortened(tiled)}; {ELSE}')
+    for axis in layout.axes:
+        values = np.asarray(axis.values)
+        require_array(path / axis.name, (axis.name,), values.shape, values.shape,
+                      values.dtype.str, '' if values.dtype.kind == 'U' else 0)
+    for variable in layout.variables:
+        require_array(
+            path / variable.name, variable.dimensions,
+            [sizes[name] for name in variable.dimensions],
+            [cuts[name][1] if name in cuts else sizes[name] for name in variable.dimensions],
+            variable.dtype, variable.fill)
+
+
+def is_consolidated(path: Path) -> bool:
+    """
+    Tell whether the copy of all documents in one, for readers, is what they say.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+
+    """
+    documents = {name: read_document(path / name) for name in ('.zattrs', '.zgroup')}
+    for folder in sorted(entry for entry in path.iterdir() if entry.is_dir()):
+        for name in ('.zarray', '.zattrs'):
+            documents[f'{folder.name}/{name}'] = read_document(folder / name)
+    try:
+        return read_document(path / '.zmetadata').get('metadata') == documents
+    except StoreError:
+        return False
+
+
+def regions_of(cuts: Mapping[str, tuple[int, int]]) -> Iterator[dict[str, slice]]:
+    """
+    Yield the region of every tile.
+
+    Parameters
+    ----------
+    cuts : mapping
+        Size and length of a tile of every tiled dimension.
+
+    Yields
+    ------
+    dict
+        A slice for each of them.
+
+    """
+    for pieces in itertools.product(
+            *([slice(a, min(a + step, size)) for a in range(0, size, step)]
+              for size, step in cuts.values())):
+        yield dict(zip(cuts, pieces, strict=True))
+
+
+def shortened(value: object) -> str:
+    """
+    Show a value on part of a line.
+
+    Parameters
+    ----------
+    value : object
+        Plain JSON.
+
+    Returns
+    -------
+    str
+        Its beginning.
+
+    """
+    try:
+        text = ' '.join(repr(value).split())
+    except (RecursionError, ValueError):
+        text = type(value).__name__
+    return text if len(text) <= 80 else f'{text[:77]}...'
+
+
+def _require(place: Path, found: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+    for name, value in expected.items():
+        given = found.get(name)
+        # 1 is no true, and 3.0 no length.
+        is_number = isinstance(value, (int, float)) and not isinstance(given, bool)
+        if given != value or not is_number and type(given) is not type(value):
+            raise StoreError(f'{place} is damaged: {name} = {shortened(given)}, not '
+                             f'{shortened(value)}; {ELSE}')

@@ -1,0 +1,173 @@
+"""Groups of arrays as zarr-python 2 and 3 both make them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+import contextlib
+from pathlib import Path
+from typing import Any, Final
+
+import numcodecs
+import numpy as np
+import zarr
+
+from .checksums import attributes_checksum, CHECKSUM, table_checksum
+from .documents import CHECKSUMS, COMPRESSOR, DIMENSIONS, DONE, ELSE, shortened, StoreError
+from .layout import Variable
+
+OF_ZARR_2: Final = zarr.__version__.startswith('2.')
+
+
+def new_group(path: Path) -> Any:
+    """
+    Make a group.
+
+    Parameters
+    ----------
+    path : Path
+        A directory; what is in it is lost.
+
+    Returns
+    -------
+    zarr.Group
+        Empty.
+
+    """
+    if OF_ZARR_2:
+        return zarr.open_group(str(path), mode='w', zarr_version=2)
+    return zarr.open_group(str(path), mode='w', zarr_format=2)
+
+
+def open_group(path: Path) -> Any:
+    """
+    Open a group to be read and written.
+
+    Parameters
+    ----------
+    path : Path
+        Its directory.
+
+    Returns
+    -------
+    zarr.Group
+        Of format 2.
+
+    """
+    # The copy of all metadata in one file is for readers: it is behind while a store is made.
+    if OF_ZARR_2:
+        return zarr.open_group(str(path), mode='r+')
+    # Of this format: a document of another beside it must not be read in its place.
+    return zarr.open_group(str(path), mode='r+', use_consolidated=False, zarr_format=2)
+
+
+def make_array(group: Any, variable: Variable, shape: Sequence[int], chunks: Sequence[int]
+               ) -> None:
+    """
+    Make an array; one of the same name is replaced.
+
+    Parameters
+    ----------
+    group : zarr.Group
+        Receives it.
+    variable : Variable
+        What it is.
+    shape, chunks : sequence of int
+        Lengths of the array and of its chunks.
+
+    """
+    # An array cannot have chunks of no length.
+    settings: dict[str, Any] = {
+        'shape': tuple(shape), 'chunks': tuple(max(1, n) for n in chunks),
+        'dtype': np.dtype(variable.dtype), 'fill_value': variable.fill, 'overwrite': True}
+    # Marks are as long as their tiles, whatever is in them: that needs no trust in a codec.
+    compressor = None if variable.name in (DONE, CHECKSUMS) else numcodecs.get_codec(
+        dict(COMPRESSOR))
+    if OF_ZARR_2:
+        array = group.create_dataset(variable.name, compressor=compressor, **settings)
+    else:
+        array = group.create_array(variable.name, compressors=compressor, **settings)
+    array.attrs.update({**variable.attributes, DIMENSIONS: list(variable.dimensions)})
+
+
+def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[Any, Any]) -> None:
+    """
+    Make an array of one chunk, and add the checksum by which it is known again.
+
+    Parameters
+    ----------
+    path : Path
+        Directory of the group.
+    group : zarr.Group
+        Receives it.
+    variable : Variable
+        What it is; its type and fill are those of the values.
+    values : ndarray
+        All of it.
+
+    """
+    fill = '' if values.dtype.kind == 'U' else 0
+    make_array(group, Variable(variable.name, variable.dimensions, values.dtype.str,
+                               variable.attributes, fill), values.shape, values.shape)
+    if values.size:
+        group[variable.name][...] = values
+    group[variable.name].attrs.update({CHECKSUM: table_checksum(path / variable.name)})
+
+
+def set_attributes(group: Any, attributes: Mapping[str, Any]) -> None:
+    """
+    Add attributes to a group, and the checksum of all.
+
+    Parameters
+    ----------
+    group : zarr.Group
+        Receives them.
+    attributes : mapping
+        Plain values.
+
+    """
+    merged = {**dict(group.attrs), **attributes}
+    group.attrs.update({**attributes, CHECKSUM: attributes_checksum(merged)})
+
+
+def consolidate(path: Path) -> None:
+    """
+    Copy all documents of a group into one.
+
+    Parameters
+    ----------
+    path : Path
+        Its directory.
+
+    """
+    with reading(path):
+        if OF_ZARR_2:
+            zarr.consolidate_metadata(str(path))
+        else:
+            zarr.consolidate_metadata(str(path), zarr_format=2)
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """
+    Turn what zarr and its codecs say of a broken file into one line.
+
+    Parameters
+    ----------
+    path : Path
+        What is read.
+
+    Yields
+    ------
+    None
+        While it is.
+
+    Raises
+    ------
+    StoreError
+        Where it cannot be read.
+
+    """
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError,
+            ValueError) as error:
+        raise StoreError(f'{path} cannot be read: {shortened(str(error))}; make it whole with '
+                         f'--resume, or {ELSE}') from error
