@@ -14,7 +14,7 @@ typedef int64_t whole[LANES];
 typedef struct {
     whole cycle;
     row phase, displacement, velocity, sine, cosine, alpha, beta, gamma, restitution, left;
-    row duration, moved, velocity_now, sine_now, cosine_now;
+    row duration, effort, moved, velocity_now, sine_now, cosine_now;
     row towards, speed, pull, jerk, ahead, behind, horizon, step, jerk_bound, snap_bound, returns;
     row aimed, aim_error, slowness, longest;
     row next_step, next_towards, next_displacement, next_velocity, next_sine, next_cosine;
@@ -171,6 +171,7 @@ static void close_in(tile *restrict t)
         t->next_step[i] = is_active ? (ends ? x : step) : 0.0;
         t->next_towards[i] = towards;
         t->has_hit[i] = hits;
+        t->effort[i] = is_active & !hits ? t->effort[i] + 1.0 : 0.0;
         t->impact_velocity[i] = towards * clip(before);
     }
 }
@@ -256,7 +257,8 @@ static int64_t fly(tile *restrict t)
         t->sine_now[i] = sin_p + (cos_p * sine - sin_p * versine);
         t->cosine_now[i] = cos_p - (cos_p * versine + sin_p * sine);
         int special = ((t->has_hit[i] != 0) & (fabs(v0) < 1e-10))
-            | ((t->left[i] > 0.0) & ((x >= 1.0) | (d >= 64.0 * two_pi)));
+            | ((t->left[i] > 0.0) & ((x >= 1.0) | (d >= 64.0 * two_pi)
+                                     | (t->effort[i] > 64.0 + 4.0 * d)));
         t->is_special[i] = special;
         specials += special;
     }

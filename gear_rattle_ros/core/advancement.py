@@ -20,9 +20,19 @@ HORIZON_MINIMUM: Final = 0.3
 NEAR: Final = 2.0
 # Relative error at which Taylor's polynomial may end the search.
 LAST_STEP_ERROR: Final = 1e-16
+# Evaluations of a flight, and more for each unit of its time, after which bisection takes over:
+# beyond what a search has been seen to take but where its steps shrink without end.
+PATIENCE: Final = 64.0
+PATIENCE_RATE: Final = 4.0
 # Of a step that is shortened to no purpose: the next one had better be a leap.
 CRAWLS: Final = 2.0
 LEAP_TRIALS: Final = 16
+
+
+@inlined
+def is_slow(effort, d):  # type: ignore[no-untyped-def]
+    """Tell whether a search up to time d has taken so many evaluations that it may never end."""
+    return effort > PATIENCE + PATIENCE_RATE * d
 
 
 @inlined

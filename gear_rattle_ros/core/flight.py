@@ -1,5 +1,5 @@
 """
-One flight between the walls: closed form, first impact, impact law, sticking, release.
+One flight between the walls: closed form, impact law, sticking, release.
 
 Scalar kernels, shared by everything that follows a trajectory. Notation of the paper, with
 ``d = tau - tau0`` the time since the flight began and ``p = tau0`` its phase. Eqs. (4)-(5) are
@@ -10,15 +10,7 @@ import math
 
 import numpy as np
 
-from .advancement import (
-    aim,
-    close_in,
-    HORIZON_MAXIMUM,
-    leap,
-    look_ahead,
-    stop_ahead,
-    stop_behind,
-)
+from .advancement import HORIZON_MAXIMUM
 from .compiled import kernel
 from .elementary import (
     arctangent,
@@ -184,61 +176,6 @@ def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: f
     if force != 0.0:
         return force > 0.0
     return -towards * alpha * (cos_p + beta * sin_p) >= 0.0
-
-
-@kernel
-def search_impact(d: float, d_stop: float, phase: float, s0: float, v0: float, alpha: float,
-                  beta: float, gamma: float) -> tuple[float, float, int]:
-    """
-    Go forward in flight up to the first impact, by conservative advancement.
-
-    Every step is one in which neither wall can be reached, so no impact is ever missed. A search
-    that is stopped and taken up again makes the same steps.
-
-    Parameters
-    ----------
-    d : float
-        Time since the flight began up to which there is no impact [1]; 0 or a result of this.
-    d_stop : float
-        Stop at the first step that ends here or later [1].
-    phase, s0, v0 : float
-        Where the flight began [rad, 1, 1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    d : float
-        The time of the impact, or one before which there is none [1].
-    velocity : float
-        Velocity then [1].
-    wall : int
-        UPPER or LOWER at an impact, NO_WALL where there is none yet.
-
-    """
-    sin_p, cos_p = sine_cosine(phase)
-    if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):
-        d = departure(sin_p, cos_p, alpha, beta, gamma)
-    while True:
-        moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)
-        towards, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
-            s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
-        front = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
-        aimed, error, slowness, longest = aim(
-            speed, pull, jerk, ahead, horizon, jerk_bound, towards, sin_now, cos_now, alpha, beta)
-        step, returns = stop_behind(front, speed, pull, jerk, behind, jerk_bound, snap_bound)
-        step, towards, hits, before, crawls = close_in(
-            d, velocity, step, returns, aimed, error, slowness, longest, speed, pull, jerk,
-            jerk_bound, snap_bound, towards, sin_now, cos_now, alpha, beta)
-        d += step
-        if hits:
-            return d, before, UPPER if towards > 0.0 else LOWER
-        if crawls:
-            moved, velocity, sin_now, cos_now = displace(
-                d, sin_p, cos_p, v0, alpha, beta, gamma)
-            d += leap(s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
-        if d >= d_stop:
-            return d, velocity, NO_WALL
 
 
 @kernel

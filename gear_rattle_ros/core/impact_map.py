@@ -4,7 +4,8 @@ import math
 
 from .compiled import kernel
 from .elementary import relaxation, sine_cosine
-from .flight import acceleration, is_pressed, later, LEG, NO_WALL, search_impact, UPPER
+from .first_impact import search_impact
+from .flight import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
 from .model import STICKING_SPEED
 
 
@@ -41,7 +42,7 @@ def next_impact(  # type: ignore[no-untyped-def]
         if is_pressed(towards, sine, cosine, alpha, beta, gamma):
             return NO_WALL, 0, phase, velocity, 0.0
     s0 = 0.0 if wall == UPPER else -1.0
-    d, before, hit = search_impact(0.0, LEG, phase, s0, after, alpha, beta, gamma)
+    d, _, before, hit = search_impact(0.0, 0, LEG, phase, s0, after, alpha, beta, gamma)
     cycles, phase_hit = later(phase, d)
     return hit, cycles, phase_hit, before, d
 

@@ -22,9 +22,10 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .advancement import leap
+from .advancement import is_slow, leap
 from .compiled import kernel
 from .elementary import sine_cosine
+from .first_impact import bisect_on
 from .flight import (
     departure,
     displace,
@@ -33,8 +34,10 @@ from .flight import (
     later,
     LEG,
     LEG_PERIODS,
+    NO_WALL,
     rebound,
     release_delay,
+    UPPER,
 )
 from .lanes_step import CRAWLING, LANES, step, TILE
 from .model import STICKING_SPEED
@@ -198,6 +201,7 @@ def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[
     tile.displacement[i] = displacement
     tile.velocity[i] = velocity
     tile.duration[i] = 0.0
+    tile.effort[i] = 0.0
     tile.left[i] = left
     tile.end[i] = RUNS
     settle(tile, i)
@@ -316,7 +320,7 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
     Do for a lane what the vector loop leaves out.
 
     That is sticking and grazing, flights of ``beta d >= 1``, flights so long that they are
-    continued from a fresh start, and steps that crawl.
+    continued from a fresh start, steps that crawl, and searches that take too long.
 
     Parameters
     ----------
@@ -334,7 +338,20 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
                 0.0)
             settle(tile, i)
         return
-    if tile.is_special[i] >= CRAWLING:
+    if is_slow(tile.effort[i], tile.duration[i]):
+        further, speed, wall, evaluations = bisect_on(
+            tile.duration[i], tile.phase[i], tile.displacement[i], tile.velocity[i],
+            tile.alpha[i], tile.beta[i], tile.gamma[i])
+        tile.duration[i] += further
+        tile.effort[i] += evaluations
+        if wall != NO_WALL:
+            # At the wall and towards it: so the next step ends there, and has no length.
+            evaluate(tile, i)
+            tile.moved[i] = (0.0 if wall == UPPER else -1.0) - tile.displacement[i]
+            tile.velocity_now[i] = speed if wall == UPPER else -speed
+            return
+    elif tile.is_special[i] >= CRAWLING:
+        tile.effort[i] += 1.0
         evaluate(tile, i)
         tile.duration[i] += leap(
             tile.displacement[i], tile.moved[i], tile.velocity_now[i], tile.sine_now[i],
@@ -345,6 +362,7 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
         tile.displacement[i] = min(max(tile.displacement[i] + moved, -1.0), 0.0)
         tile.cycle[i] += LEG_PERIODS
         tile.duration[i] = 0.0
+        tile.effort[i] = 0.0
         if floats(tile, i):
             tile.end[i] = FLOATS
             tile.left[i] = 0.0

@@ -7,14 +7,14 @@ reordering is allowed, as in the scalar kernels, so the bits are the same on eve
 every lane.
 
 The formulas are those of `flight`: of `flight.displace` and of `advancement`, so a lane makes the
-impacts of `flight.search_impact` bit for bit.
+impacts of `first_impact.search_impact` bit for bit.
 """
 
 from typing import Final
 
 import numpy as np
 
-from .advancement import aim, close_in, look_ahead, stop_ahead, stop_behind
+from .advancement import aim, close_in, is_slow, look_ahead, stop_ahead, stop_behind
 from .compiled import kernel
 from .elementary import relaxation_series, sine_cosine, sine_defect
 from .flight import later, LEG
@@ -44,8 +44,10 @@ TILE: Final = np.dtype(
         ('restitution', np.float64, LANES),
         # Impacts still to be made; inf for no limit, 0 parks the lane.
         ('left', np.float64, LANES),
-        # The search: how far it has come, and the motion there since the flight began.
+        # The search: how far it has come, by how many evaluations, and the motion there since the
+        # flight began.
         ('duration', np.float64, LANES),
+        ('effort', np.float64, LANES),
         ('moved', np.float64, LANES),
         ('velocity_now', np.float64, LANES),
         ('sine_now', np.float64, LANES),
@@ -137,6 +139,7 @@ def close(t, i):  # type: ignore[no-untyped-def]
     t.next_step[i] = choose(is_active, step, 0.0)
     t.next_towards[i] = towards
     t.has_hit[i] = hits & is_active
+    t.effort[i] = choose(is_active & (not hits), t.effort[i] + 1.0, 0.0)
     t.impact_velocity[i] = velocity
     t.is_special[i] = CRAWLING * np.int64(crawls & is_active)
 
@@ -205,7 +208,8 @@ def fly(t, i):  # type: ignore[no-untyped-def]
     t.sine_now[i] = sin_p + (cos_p * sine - sin_p * versine)
     t.cosine_now[i] = cos_p - (cos_p * versine + sin_p * sine)
     special = (((t.has_hit[i] != 0) & (abs(v0) < STICKING_SPEED))
-               | ((t.left[i] > 0.0) & ((x >= 1.0) | (d >= LEG))))
+               | ((t.left[i] > 0.0)
+                  & ((x >= 1.0) | (d >= LEG) | is_slow(t.effort[i], d))))
     t.is_special[i] += special
     return t.is_special[i]
 

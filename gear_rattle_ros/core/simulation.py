@@ -9,6 +9,7 @@ import numpy as np
 
 from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
+from .first_impact import search_impact
 from .flight import (
     displace,
     displace_leg,
@@ -22,7 +23,6 @@ from .flight import (
     rebound,
     release_delay,
     RESTING,
-    search_impact,
     UPPER,
 )
 from .model import EVENT, EventArray, EventKind, Parameters, require_finite, State
@@ -41,6 +41,7 @@ TRAJECTORY: Final = np.dtype(
         ('velocity', np.float64),
         ('mode', np.int64),
         ('searched', np.float64),
+        ('effort', np.int64),
         ('wall', np.int64),
         ('impact_velocity', np.float64),
         ('index', np.int64),
@@ -100,6 +101,7 @@ def settle(trajectory):  # type: ignore[no-untyped-def]
     """
     trajectory.mode = FLYING
     trajectory.searched = 0.0
+    trajectory.effort = 0
     trajectory.wall = NO_WALL
     on_upper = trajectory.displacement == 0.0
     if trajectory.velocity == 0.0 and (on_upper or trajectory.displacement == -1.0):
@@ -164,9 +166,9 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
             count += 1
             continue
         if t.wall == NO_WALL and t.searched < LEG:
-            t.searched, t.impact_velocity, t.wall = search_impact(
-                t.searched, min(left, LEG), t.phase, t.displacement, t.velocity, t.alpha, t.beta,
-                t.gamma)
+            t.searched, t.effort, t.impact_velocity, t.wall = search_impact(
+                t.searched, t.effort, min(left, LEG), t.phase, t.displacement, t.velocity,
+                t.alpha, t.beta, t.gamma)
         if t.wall == NO_WALL:
             if t.searched < LEG or left < LEG:
                 break
@@ -176,6 +178,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
             t.velocity = velocity
             t.cycle += LEG_PERIODS
             t.searched = 0.0
+            t.effort = 0
             continue
         if t.searched > left:
             break

@@ -10,6 +10,7 @@ from reference import DIGITS, Flight, roots
 from scipy.integrate import solve_ivp
 
 from gear_rattle_ros.core.elementary import sine_cosine, TWO_PI
+from gear_rattle_ros.core.first_impact import search_impact
 from gear_rattle_ros.core.flight import (
     acceleration,
     displace,
@@ -18,7 +19,6 @@ from gear_rattle_ros.core.flight import (
     LOWER,
     NO_WALL,
     rebound,
-    search_impact,
     UPPER,
 )
 from gear_rattle_ros.core.model import EventKind, Parameters, State
@@ -42,8 +42,10 @@ def random_flight(rng: np.random.Generator, scale: float = 1.0) -> Flight:
 
 def first_impact(flight: Flight, stop: float) -> tuple[float, float, int]:
     """Search from the beginning of a flight."""
-    return search_impact(0.0, stop, flight.phase, flight.displacement, flight.velocity,
-                         flight.alpha, flight.beta, flight.gamma)
+    d, _, velocity, wall = search_impact(
+        0.0, 0, stop, flight.phase, flight.displacement, flight.velocity, flight.alpha,
+        flight.beta, flight.gamma)
+    return d, velocity, wall
 
 
 def scanned_displacement(flight: Flight, d: np.ndarray) -> np.ndarray:
@@ -234,11 +236,11 @@ def test_a_search_may_be_stopped_and_taken_up(
         return  # Nothing moves for ever: tests of their own.
     f = Flight(phase, displacement, velocity, alpha, beta, gamma)
     whole = first_impact(f, 60.0)
-    d, found, wall = 0.0, velocity, NO_WALL
+    d, effort, found, wall = 0.0, 0, velocity, NO_WALL
     for cut in [*sorted(cuts), 60.0]:
         if wall == NO_WALL and d < cut:
-            d, found, wall = search_impact(
-                d, cut, phase, displacement, velocity, alpha, beta, gamma)
+            d, effort, found, wall = search_impact(
+                d, effort, cut, phase, displacement, velocity, alpha, beta, gamma)
     assert (d, wall) == (whole[0], whole[2])
     assert found == whole[1]
 

@@ -96,6 +96,22 @@ def slow_launches(random: np.random.Generator, count: int) -> LaneArray:
     return starts
 
 
+def tangent(random: np.random.Generator, count: int) -> LaneArray:
+    """Return starts on a wall that nearly meet it again with no velocity and no force."""
+    starts = everywhere(random, count)
+    on_upper = random.random(count) < 0.5
+    starts['displacement'] = np.where(on_upper, 0.0, -1.0)
+    starts['beta'] = 0.0
+    starts['alpha'] = 10.0**random.uniform(-3.0, 3.0, count)
+    duration = 10.0**random.uniform(-6.0, -1.0, count)
+    sign = np.where(on_upper, -1.0, 1.0)
+    nearly = 1.0 + random.normal(0.0, 1.0, count) * 10.0**random.uniform(-16.0, -4.0, count)
+    starts['velocity'] = sign * starts['alpha'] * duration**3 / 24.0 * nearly
+    starts['phase'] = np.where(on_upper, 0.5, 1.5) * np.pi - 0.75 * duration
+    starts['gamma'] = -sign * starts['alpha'] * np.cos(0.25 * duration)
+    return starts
+
+
 @numba.njit
 def by_lanes(tile, impacts, starts, found, counts):  # type: ignore[no-untyped-def]
     """Write the first impacts of every start, through one tile."""
@@ -136,7 +152,7 @@ def by_events(trajectories, events, found, counts):  # type: ignore[no-untyped-d
 
 @pytest.mark.parametrize(
     'kind',
-    [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches])
+    [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches, tangent])
 def test_scalar_and_lanes_give_the_same_bits(kind: Any) -> None:
     """Of 20,000 starts of each kind, the first eight impacts, through sticking and release."""
     starts = kind(np.random.default_rng(1), 20_000)

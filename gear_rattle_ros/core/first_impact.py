@@ -1,0 +1,245 @@
+"""
+The first impact of a flight: conservative advancement, and where that is slow, bisection.
+
+Steps of `advancement` find nearly every impact in a few evaluations of the flight, but no bound
+holds for their number: towards a wall that is met with hardly any velocity, force and jerk they
+may shrink without end. A search that has run out of patience goes on from one zero of the force to
+the next, between which the flight turns once at the most (doc/steps.md has the proof).
+"""
+
+import math
+from typing import Final
+
+from .advancement import (
+    aim,
+    close_in,
+    is_slow,
+    leap,
+    look_ahead,
+    stop_ahead,
+    stop_behind,
+)
+from .compiled import kernel
+from .elementary import arctangent, sine_cosine, TWO_PI
+from .flight import departure, displace, later, LOWER, NO_WALL, UPPER
+
+# Halvings of an interval of times down to two neighbours: 11 of its logarithm, then 54.
+HALVINGS: Final = 66
+# Evaluations of `bisect_on` without an impact, at the most.
+STRETCH: Final = HALVINGS + 2
+# In place of a velocity of zero, so that an impact has a direction [1].
+FAINTEST: Final = 1e-300
+
+
+@kernel
+def force_zero_delay(phase: float, near: float, alpha: float, beta: float,
+                     gamma: float) -> float:
+    """
+    Time until the force on a mass at rest, ``a(tau, 0)``, changes its sign.
+
+    Parameters
+    ----------
+    phase : float
+        Drive phase now [rad].
+    near : float
+        A zero that is no farther than this is passed already, but for rounding [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    float
+        To the next zero of ``gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)`` [1]; a drive
+        period where there is none.
+
+    """
+    amplitude = alpha * math.sqrt(1.0 + beta * beta)
+    if abs(gamma) >= amplitude:
+        return TWO_PI
+    angle = arctangent(gamma / (math.sqrt(amplitude - gamma) * math.sqrt(amplitude + gamma)))
+    lag = arctangent(beta) - phase
+    falling = (angle + lag) % TWO_PI
+    rising = (math.pi - angle + lag) % TWO_PI
+    return min(falling if falling > near else falling + TWO_PI,
+               rising if rising > near else rising + TWO_PI)
+
+
+@kernel
+def middle(a: float, b: float) -> float:
+    """
+    Halve an interval of positive times: its logarithm first, for floats are dense near zero.
+
+    Parameters
+    ----------
+    a, b : float
+        Ends [1], ``0 < a < b``.
+
+    Returns
+    -------
+    float
+        A time from a to b [1].
+
+    """
+    return math.sqrt(a) * math.sqrt(b) if b > 2.0 * a else 0.5 * (a + b)
+
+
+@kernel
+def wall_reached(s0: float, moved: float) -> int:
+    """
+    Tell which wall has been reached or passed.
+
+    Parameters
+    ----------
+    s0, moved : float
+        Where the flight began, and the displacement since then [1].
+
+    Returns
+    -------
+    int
+        UPPER, LOWER or NO_WALL.
+
+    """
+    if -s0 - moved <= 0.0:
+        return UPPER
+    return LOWER if 1.0 + s0 + moved <= 0.0 else NO_WALL
+
+
+@kernel
+def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: float,
+              gamma: float) -> tuple[float, float, int, int]:
+    """
+    Go on to the first impact or to the next zero of the force, whichever is first.
+
+    Until that zero ``exp(beta t) v`` is monotone, for its derivative is ``exp(beta t) a(tau, 0)``:
+    the mass turns once at the most, and on either side of that its displacement is monotone.
+
+    Parameters
+    ----------
+    d : float
+        Time since the flight began up to which there is no impact [1], positive.
+    phase, s0, v0 : float
+        Where the flight began [rad, 1, 1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    step : float
+        From d to that moment [1].
+    speed : float
+        Towards the wall at an impact [1], positive.
+    wall : int
+        UPPER or LOWER at an impact, else NO_WALL.
+    evaluations : int
+        Of the flight.
+
+    """
+    sin_p, cos_p = sine_cosine(phase)
+    near = 1e-14 + 1e-15 * d
+    end = d + force_zero_delay(later(phase, d)[1], near, alpha, beta, gamma)
+    first = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)[1]
+    moved, last, _, _ = displace(end, sin_p, cos_p, v0, alpha, beta, gamma)
+    evaluations = 2
+    # The bracket [a, b] is of the turn first, then of the impact.
+    a = d
+    b = end
+    if (first > 0.0 > last) or (first < 0.0 < last):
+        beyond = moved, last
+        for _ in range(HALVINGS):
+            time = middle(a, b)
+            if not a < time < b:
+                break
+            there = displace(time, sin_p, cos_p, v0, alpha, beta, gamma)
+            evaluations += 1
+            if (there[1] > 0.0) == (first > 0.0):
+                a = time
+            else:
+                b = time
+                moved, last = there[:2]
+        a = d
+        if wall_reached(s0, moved) == NO_WALL:
+            a = b
+            b = end
+            moved, last = beyond
+    wall = wall_reached(s0, moved)
+    if wall == NO_WALL:
+        return end - d, 0.0, NO_WALL, evaluations
+    for _ in range(HALVINGS):
+        time = middle(a, b)
+        if not a < time < b:
+            break
+        moved, velocity, _, _ = displace(time, sin_p, cos_p, v0, alpha, beta, gamma)
+        evaluations += 1
+        if wall_reached(s0, moved) == NO_WALL:
+            a = time
+        else:
+            b = time
+            last = velocity
+    return b - d, max(last if wall == UPPER else -last, FAINTEST), wall, evaluations
+
+
+@kernel
+def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
+                  alpha: float, beta: float, gamma: float) -> tuple[float, int, float, int]:
+    """
+    Go forward in flight up to the first impact.
+
+    Every step is one in which neither wall can be reached, so no impact is ever missed. A search
+    that is stopped and taken up again makes the same steps.
+
+    Parameters
+    ----------
+    d : float
+        Time since the flight began up to which there is no impact [1]; 0 or a result of this.
+    effort : int
+        Evaluations of the flight that took, 0 or a result of this.
+    d_stop : float
+        Stop at the first step that ends here or later [1].
+    phase, s0, v0 : float
+        Where the flight began [rad, 1, 1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    d : float
+        The time of the impact, or one before which there is none [1].
+    effort : int
+        Evaluations of the flight since it began.
+    velocity : float
+        Velocity then [1].
+    wall : int
+        UPPER or LOWER at an impact, NO_WALL where there is none yet.
+
+    """
+    sin_p, cos_p = sine_cosine(phase)
+    if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):
+        d = departure(sin_p, cos_p, alpha, beta, gamma)
+    while True:
+        moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)
+        towards, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
+            s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
+        front = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
+        aimed, error, slowness, longest = aim(
+            speed, pull, jerk, ahead, horizon, jerk_bound, towards, sin_now, cos_now, alpha, beta)
+        step, returns = stop_behind(front, speed, pull, jerk, behind, jerk_bound, snap_bound)
+        step, towards, hits, before, crawls = close_in(
+            d, velocity, step, returns, aimed, error, slowness, longest, speed, pull, jerk,
+            jerk_bound, snap_bound, towards, sin_now, cos_now, alpha, beta)
+        d += step
+        effort += 1
+        if hits:
+            return d, effort, before, UPPER if towards > 0.0 else LOWER
+        if is_slow(effort, d):
+            step, speed, wall, evaluations = bisect_on(d, phase, s0, v0, alpha, beta, gamma)
+            d += step
+            effort += evaluations
+            if wall != NO_WALL:
+                return d, effort, speed if wall == UPPER else -speed, wall
+        elif crawls:
+            effort += 1
+            moved, velocity, sin_now, cos_now = displace(
+                d, sin_p, cos_p, v0, alpha, beta, gamma)
+            d += leap(s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
+        if d >= d_stop:
+            return d, effort, velocity, NO_WALL
