@@ -1,0 +1,208 @@
+"""The bound of the search for an impact (doc/steps.md): each inequality, and what is found."""
+
+from collections.abc import Iterator
+import itertools
+import math
+from typing import Any
+
+import mpmath as mp
+import numba
+import numpy as np
+import pytest
+from reference import DIGITS, Flight
+
+from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.first_impact import (
+    bisect_on,
+    force_zero_delay,
+    HALVINGS,
+    middle,
+    search_impact,
+    STRETCH,
+)
+from gear_rattle_ros.core.flight import LEG, NO_WALL, UPPER
+
+EPS = 2.0**-52
+Array = np.ndarray[Any, Any]
+
+
+def proved_bound(d: float) -> float:
+    """Return the bound of doc/steps.md, with its numbers as they stand there."""
+    return 338.0 + (4.0 + 69.0 / math.pi) * d
+
+
+def random_starts(seed: int, count: int) -> Array:
+    """Return phase, s, v, alpha, beta, gamma of any size, some of them exactly zero."""
+    rng = np.random.default_rng(seed)
+
+    def some(values: Array) -> Array:
+        return np.where(rng.random(count) < 0.15, 0.0, values)
+
+    place = rng.integers(0, 4, count)
+    return np.column_stack([
+        rng.uniform(0.0, TWO_PI, count),
+        np.select([place == 2, place == 3], [0.0, -1.0], -rng.random(count)),
+        rng.normal(0.0, 1.0, count) * 10.0**rng.uniform(-12.0, 4.0, count),
+        some(10.0**rng.uniform(-3.0, 3.0, count)),
+        some(10.0**rng.uniform(-3.0, 2.0, count)),
+        some(rng.normal(0.0, 1.0, count) * 10.0**rng.uniform(-3.0, 3.0, count))])
+
+
+def tangencies(seed: int, count: int) -> Iterator[Flight]:
+    """Yield flights from the upper wall and between the walls that nearly touch it, v = a = 0."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        alpha = 10.0**rng.uniform(-3.0, 3.0)
+        nearly = 1.0 + rng.choice([-1.0, 1.0]) * 10.0**rng.uniform(-16.0, -1.0)
+        if k % 2 == 0:
+            # s is about -alpha/24 t (T - t)^3.
+            duration = 10.0**rng.uniform(-7.0, -0.5)
+            yield Flight(0.5 * math.pi - 0.75 * duration, 0.0,
+                         -alpha * duration**3 / 24.0 * nearly, alpha, 0.0,
+                         alpha * math.cos(0.25 * duration))
+            continue
+        beta = float(rng.choice([0.0, 0.1, 1.0]))
+        amplitude = alpha * math.sqrt(1.0 + beta * beta)
+        gamma = amplitude * rng.uniform(-1.0, 1.0)
+        phase = math.pi - math.asin(gamma / amplitude) + math.atan(beta)
+        back = 10.0**rng.uniform(-3.0, 0.0)
+        there = Flight(phase, 0.0, 0.0, alpha, beta, gamma)
+        s0 = float(there.displacement_at(mp.mpf(-back))) * nearly
+        if -1.0 <= s0 <= 0.0:
+            yield Flight((phase - back) % TWO_PI, s0, float(there.velocity_at(mp.mpf(-back))),
+                         alpha, beta, gamma)
+
+
+def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
+    """At most two zeros of a(tau, 0) in a drive period: the next is returned, in 50 digits."""
+    with mp.workdps(DIGITS):
+        for phase, _, _, alpha, beta, gamma in random_starts(1, 300).tolist():
+            f = Flight(phase, 0.0, 0.0, alpha, beta, gamma)
+            delay = force_zero_delay(phase, 1e-14, alpha, beta, gamma)
+            size = alpha * (1.0 + beta) + abs(gamma)
+
+            def force(t: Any, f: Flight = f) -> Any:
+                """Return a(tau, 0), eq. (2)."""
+                return (f.alpha * (f.beta * mp.cos(f.phase + t) - mp.sin(f.phase + t)) + f.gamma)
+
+            assert 0.0 < delay <= TWO_PI + 1e-14
+            if abs(gamma) < alpha * math.sqrt(1.0 + beta * beta):
+                assert abs(force(mp.mpf(delay))) < 20 * EPS * size
+            signs = {mp.sign(force(delay * mp.mpf(k) / 60)) for k in range(1, 60)}
+            assert len(signs) == 1
+
+
+def test_a_flight_turns_once_at_most_between_zeros_of_the_force() -> None:
+    """exp(beta t) v has the derivative exp(beta t) a(tau, 0), so v changes its sign once."""
+    with mp.workdps(DIGITS):
+        for phase, s, v, alpha, beta, gamma in random_starts(2, 100).tolist():
+            f = Flight(phase, s, v, alpha, beta, gamma)
+            delay = force_zero_delay(phase, 1e-14, alpha, beta, gamma)
+            t = mp.mpf(delay) / 3
+
+            def grown(x: Any, f: Flight = f) -> Any:
+                """Return exp(beta x) v(x)."""
+                return mp.exp(f.beta * x) * f.velocity_at(x)
+
+            slope = mp.diff(grown, t)
+            rest = alpha * (beta * mp.cos(phase + t) - mp.sin(phase + t)) + gamma
+            assert abs(slope - mp.exp(beta * t) * rest) < 1e-12 * abs(slope) + 1e-20
+            velocities = [f.velocity_at(delay * mp.mpf(k) / 100) for k in range(101)]
+            assert sum(a * b < 0 for a, b in itertools.pairwise(velocities)) <= 1
+
+
+def test_halvings_end_at_neighbours() -> None:
+    """No bracket of positive times up to 1e3 takes more than 66 halvings, towards either end."""
+    rng = np.random.default_rng(3)
+    lows = [5e-324, 2.3e-308, 1e-300, 1e-16, 1.0, 511.0, *10.0**rng.uniform(-323, 2.9, 300)]
+    for low in lows:
+        for target in (low, 1e3, *(low**w * 1e3**(1.0 - w) for w in rng.random(5))):
+            a, b = float(low), 1e3
+            for count in range(HALVINGS + 1):  # noqa: B007
+                time = middle(a, b)
+                if not a < time < b:
+                    break
+                a, b = (time, b) if time <= target else (a, time)
+            assert count <= HALVINGS == 66
+            assert b == math.nextafter(a, math.inf)
+
+
+@numba.njit
+def by_bisection(starts, found):  # type: ignore[no-untyped-def]
+    """Write impacts found by bisection alone: d, velocity, wall, stretches, most evaluations."""
+    for i in range(len(starts)):
+        phase, s, v, alpha, beta, gamma = starts[i]
+        d, _, velocity, wall = search_impact(0.0, 0, 0.0, phase, s, v, alpha, beta, gamma)
+        stretches = most = last = 0
+        while wall == NO_WALL and d < LEG:
+            most = max(most, last)
+            step, speed, wall, last = bisect_on(d, phase, s, v, alpha, beta, gamma)
+            d += step
+            velocity = speed if wall == UPPER else -speed
+            stretches += 1
+        found[i] = np.array((d, velocity, float(wall), float(stretches), float(most), float(last)))
+
+
+@numba.njit
+def by_search(starts, found):  # type: ignore[no-untyped-def]
+    """Write impacts found by the search: d, velocity, wall, effort."""
+    for i in range(len(starts)):
+        phase, s, v, alpha, beta, gamma = starts[i]
+        d, effort, velocity, wall = search_impact(
+            0.0, 0, LEG, phase, s, v, alpha, beta, gamma)
+        found[i] = np.array((d, velocity, float(wall), float(effort)))
+
+
+def test_bisection_alone_finds_the_impacts_of_the_search() -> None:
+    """Of 50,000 flights, in as many stretches and evaluations as are proved."""
+    starts = random_starts(4, 50_000)
+    bisected, searched = np.zeros((len(starts), 6)), np.zeros((len(starts), 4))
+    by_bisection(starts, bisected)
+    by_search(starts, searched)
+    d, velocity, wall, stretches, most, last = bisected.T
+    assert np.all(stretches <= d / math.pi + 3.0)
+    assert most.max() <= STRETCH == 68
+    assert last.max() <= STRETCH + HALVINGS
+    assert np.all(searched[:, 3] <= proved_bound(searched[:, 0]))
+    hit = (d < LEG) | (searched[:, 0] < LEG)
+    assert np.array_equal(wall[hit], searched[hit, 2])
+    assert np.count_nonzero(hit) > 20_000
+    late = np.abs(d - searched[:, 0])[hit]
+    # Times are as uncertain as the displacement, by the velocity of the impact.
+    size = 1.0 + starts[hit, 3] + np.abs(starts[hit, 5]) + np.abs(starts[hit, 2])
+    speed = np.abs(searched[hit, 1])
+    assert np.all(late * speed < 1e3 * EPS * size * (1.0 + d[hit]))
+
+
+def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
+    """Where steps shrink without end: no impact is made off a wall and none is missed."""
+    slow = 0
+    with mp.workdps(DIGITS):
+        for f in tangencies(5, 300):
+            d, effort, _, wall = search_impact(
+                0.0, 0, 20.0, f.phase, f.displacement, f.velocity, f.alpha, f.beta, f.gamma)
+            slow += effort > 64 + 4 * d
+            assert effort <= proved_bound(d)
+            size = abs(f.velocity) + (f.alpha * (1.0 + f.beta) + abs(f.gamma)) * d
+            # Rounding of the displacement since the start, and of the start.
+            rounding = 16 * EPS * (size * d + abs(f.displacement))
+            for k in range(1, 100):
+                s = f.displacement_at(d * mp.mpf(k) / 100)
+                assert -1 - rounding <= s <= rounding
+            if wall != NO_WALL:
+                s = f.displacement_at(mp.mpf(d))
+                assert abs(s - (0 if wall == UPPER else -1)) <= rounding
+    assert slow > 20
+
+
+@pytest.mark.parametrize('cuts', [(1e-9, 1e-6, 1e-3, 0.1), (0.5, 0.9, 0.99, 1.0, 1.0 + 1e-9)])
+def test_a_slow_search_may_be_stopped_and_taken_up(cuts: tuple[float, ...]) -> None:
+    """It is the same to the bit, effort and all, wherever it was stopped."""
+    for f in tangencies(6, 300):
+        flight = (f.phase, f.displacement, f.velocity, f.alpha, f.beta, f.gamma)
+        whole = search_impact(0.0, 0, 20.0, *flight)
+        d, effort, velocity, wall = 0.0, 0, 0.0, NO_WALL
+        for cut in [*(c * whole[0] for c in cuts), 20.0]:
+            if wall == NO_WALL and d < cut:
+                d, effort, velocity, wall = search_impact(d, effort, cut, *flight)
+        assert (d, effort, velocity, wall) == whole
