@@ -51,7 +51,7 @@ class BagWriter:
         try:
             directory.mkdir(parents=True)
             self._name = directory.resolve().name
-            self._file = self._next_file()
+            self._file = self._new_file(0)
         except FileExistsError:
             raise BagError(f'{directory}: exists already, choose another name') from None
         except OSError as error:
@@ -181,24 +181,21 @@ class BagWriter:
         return int(metadata.document(self._parts())['message_count'])
 
     def _parts(self) -> list[metadata.Part]:
-        last = self._file.part()
-        return [part for part in self._finished if part.name != last.name] + [last]
+        return [*self._finished, self._file.part()]
 
     def _write_metadata(self) -> None:
         metadata.write(self.directory, metadata.document(self._parts()))
 
-    def _next_file(self) -> BagFile:
-        path = self.directory / f'{self._name}_{len(self._finished)}.mcap'
-        return BagFile(path, self._compression)
+    def _new_file(self, number: int) -> BagFile:
+        return BagFile(self.directory / f'{self._name}_{number}.mcap', self._compression)
 
     def _split(self) -> None:
         self._file.finish(self._finished)
-        self._finished.append(self._file.part())
-        size = self._file.size
-        following = self._next_file()
+        following = self._new_file(len(self._finished) + 1)
         for topic in self._topics:
             following.add_topic(topic)
-        self._finished_size += size
+        self._finished.append(self._file.part())
+        self._finished_size += self._file.size
         self._file = following
         # Before there is anything in the new file: readers go by its name in there.
         self._write_metadata()

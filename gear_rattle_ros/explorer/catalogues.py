@@ -26,8 +26,8 @@ GLANCE: Final = 0.02
 Key = tuple[Parameters, float, bool]
 
 
-class _GivenUp(Exception):
-    """Nobody waits for the search any more."""
+class GivenUp(Exception):
+    """Something else is wanted, or nothing any more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,13 +147,13 @@ class Catalogues:
     def _search(self, key: Key, view: View, given_up: threading.Event) -> None:
         def check() -> None:
             if given_up.is_set():
-                raise _GivenUp
+                raise GivenUp
 
         try:
             found = find_attractors(view.parameters, _random(view, STARTS), hold=HOLD,
                                     chaotic=view.kind != LIFETIMES, check=check)
             self._put(key, Known(found))
-        except _GivenUp:
+        except GivenUp:
             pass
         finally:
             self._searching.release()

@@ -4,13 +4,9 @@ from collections.abc import Callable
 import threading
 import traceback
 
-from .catalogues import Catalogues
+from .catalogues import Catalogues, GivenUp
 from .computing import Picture, pictures
 from .view import View
-
-
-class GivenUp(Exception):
-    """Another view is wanted, or none any more."""
 
 
 class Worker:

@@ -24,6 +24,7 @@ from .engine import run_tiles
 from .grid import make_starts, Plane
 from .search import (
     Catalogue,
+    Check,
     find_attractors,
     orbits_among,
     settle,
@@ -248,7 +249,7 @@ def refine(seen: Glance, planes: Sequence[Plane], *, on_walls: bool, cap: int, t
         for limit, following in itertools.pairwise([*limits, np.inf]):
             mean, has_unseen = work.follow(
                 int(limit), catalogue.table(late), mean, threads,
-                np.inf if is_late or level == 0 else until, is_dropped)
+                np.inf if is_late or level == 0 else until, check)
             total += int(limit)
             if level > 0 and len(work.left):
                 late = _with_missed(catalogue, late, work.starts[work.left[:LOOKED_AT]])
@@ -301,10 +302,10 @@ class _Level:
         return self.starts[self._labels[self._order] >= 0]
 
     def follow(self, limit: int, table: Table, mean: float, threads: int, until: float,
-               is_dropped: Callable[[], bool]) -> tuple[float, bool]:
+               check: Check) -> tuple[float, bool]:
         """Follow what is left; return the mean of impacts, and whether some were not looked at."""
         left = self.left
-        results, mean = _follow(self.starts[left], limit, table, mean, threads, until, is_dropped)
+        results, mean = _follow(self.starts[left], limit, table, mean, threads, until, check)
         self._labels[self._order[left]] = results['label']
         is_left = results['label'] == UNRESOLVED
         self.left = left[is_left]
@@ -339,7 +340,7 @@ def _rounds(catalogue: Catalogue, cap: int) -> Iterator[int]:
 
 
 def _follow(starts: RecordArray, cap: int, table: Table, mean: float, threads: int, until: float,
-            is_dropped: Callable[[], bool]) -> tuple[RecordArray, float]:
+            check: Check) -> tuple[RecordArray, float]:
     results = np.zeros(len(starts), RESULT)
     results['label'] = UNRESOLVED
     for name in ('phase', 'displacement', 'velocity'):
@@ -347,8 +348,7 @@ def _follow(starts: RecordArray, cap: int, table: Table, mean: float, threads: i
     batch = max(int(SLICE / min(mean, cap)), STARTS_LEAST)
 
     def work(number: int) -> int:
-        if is_dropped():
-            raise Dropped
+        check()
         if time.monotonic() > until:
             return 0
         part = slice(number * batch, (number + 1) * batch)
@@ -375,8 +375,8 @@ def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
     return dataclasses.replace(catalogue, chaotic=(), stay=0, labels=labels)
 
 
-def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int,
-              check: Callable[[], None]) -> Catalogue:
+def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int, check: Check
+              ) -> Catalogue:
     """Let starts settle on chaotic attractors as soon as none of those settled elsewhere would."""
     # What leaves after more impacts leaves after fewer, too.
     if catalogue.chaotic and catalogue.stay == STAYS[0]:
