@@ -1,14 +1,17 @@
 """
-Impacts per second from the simulator over DDS into the exponents: two processes, nothing lost.
+Impacts per second from the simulator over DDS into the exponents, and nothing lost.
 
-The peer, in the same run, is stock rclpy: one small message per impact, reliable and keep_all on
-both sides so that nothing is lost there either. Run: make bench, or python benchmark/transport.py
+To one reader and to five, as in a suite; to five also with the shared memory that Fast DDS has by
+default. The peer, in the same run, is stock rclpy: one small message per impact, reliable and
+keep_all on both sides so that nothing is lost there either.
+Run: make bench, or python benchmark/transport.py
 """
 
 import array
 import os
 import subprocess
 import sys
+import tempfile
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,42 +20,53 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from gear_rattle_ros.nodes.shared_memory import PROFILES
+
 SECONDS = 10.0
+READERS = 5
+# With these it takes a while until messages are sent again that were overwritten.
+LONGER = 30.0
 KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
 
 
-def node(*words: str) -> subprocess.Popen[bytes]:
-    """Start a node of the package."""
+def node(*words: str, environment: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
+    """Start a node of the package, in a session of its own, as the suite does and terminals do."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'gear_rattle_ros.start', *words], stderr=subprocess.DEVNULL)
+        [sys.executable, '-m', 'gear_rattle_ros.start', *words], stderr=subprocess.DEVNULL,
+        env={**os.environ, **(environment or {})}, start_new_session=True)
 
 
-def suite_rate() -> tuple[float, int]:
-    """Return impacts per second that the exponents take in, and how many were lost."""
+def suite_rate(readers: int, seconds: float = SECONDS,
+               environment: dict[str, str] | None = None) -> tuple[float, int]:
+    """Return impacts per second that each of the readers takes in, and how many were lost."""
     listener = rclpy.create_node('listener')
-    found: list[tuple[float, int, int]] = []
+    found: list[tuple[float, int]] = []
+    lost: dict[str, int] = {}
 
     def take(message: DiagnosticArray) -> None:
         status = message.status[0]
         values = {item.key: item.value for item in status.values}
-        if status.name.startswith('lyapunov') and int(values['events']):
-            found.append((time.monotonic(), int(values['events']), int(values['lost_impacts'])))
+        if status.name.startswith('reader') and int(values['events']):
+            lost[status.name] = int(values['lost_impacts'])
+            if status.name.startswith('reader_0'):
+                found.append((time.monotonic(), int(values['events'])))
 
-    listener.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
+    listener.create_subscription(DiagnosticArray, '/diagnostics', take, 100)
     processes = [
-        node('lyapunov'),
+        *(node('lyapunov', '--ros-args', '-r', f'__node:=reader_{number}')
+          for number in range(readers)),
         node('simulator', '--ros-args', '-p', 'rate:=0.0', '-p', 'alpha:=1.244', '-p',
-             'wait_for_readers:=1'),
+             f'wait_for_readers:={readers}', environment=environment),
     ]
-    while len(found) < 2 or found[-1][0] - found[1][0] < SECONDS:
+    while len(found) < 2 or found[-1][0] - found[1][0] < seconds:
         rclpy.spin_once(listener, timeout_sec=0.1)
     for process in reversed(processes):
         process.terminate()
         process.wait()
     listener.destroy_node()
     # The first second is start-up.
-    (t0, n0, _), (t1, n1, lost) = found[1], found[-1]
-    return (n1 - n0) / (t1 - t0), lost
+    (t0, n0), (t1, n1) = found[1], found[-1]
+    return (n1 - n0) / (t1 - t0), sum(lost.values())
 
 
 def count_messages() -> None:
@@ -96,15 +110,25 @@ def stock_rate() -> tuple[float, int]:
 
 
 def main() -> None:
-    """Measure both and print the ratio."""
+    """Measure all and print the ratios."""
     rclpy.init()
-    ours, ours_lost = suite_rate()
-    stock, stock_lost = stock_rate()
+    with tempfile.NamedTemporaryFile('w', suffix='.xml') as file:
+        file.write('<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"/>')
+        file.flush()
+        rows = [
+            ('simulator -> DDS -> lyapunov', *suite_rate(1)),
+            (f'simulator -> DDS -> {READERS} times lyapunov', *suite_rate(READERS, LONGER)),
+            ("the same with Fast DDS's own 512 KB",
+             *suite_rate(READERS, LONGER, dict.fromkeys(PROFILES, file.name))),
+            ('stock rclpy, one message per impact', *stock_rate()),
+        ]
     rclpy.try_shutdown()
     print(f'{"":40} {"impacts/s":>12} {"lost":>6}')
-    print(f'{"simulator -> DDS -> lyapunov":40} {ours:12,.0f} {ours_lost:6}')
-    print(f'{"stock rclpy, one message per impact":40} {stock:12,.0f} {stock_lost:6}')
-    print(f'ratio {ours / stock:.0f}')
+    for name, rate, lost in rows:
+        print(f'{name:40} {rate:12,.0f} {lost:6}')
+    one, many, default, stock = (rate for _, rate, _ in rows)
+    print(f'ratios: one reader to stock {one / stock:.0f}, {READERS} readers to those with '
+          f'512 KB {many / default:.1f}')
 
 
 if __name__ == '__main__':

@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from .pacing import AcknowledgedPace, ClockPace
+from .shared_memory import make_room
 from .shell import run_node, ShellNode
 from ..core.fingerprint import fingerprint
 from ..core.model import EventArray, Parameters, State
@@ -48,7 +49,10 @@ class Simulator(ShellNode):
     """One trajectory, advanced in ticks; one batch of events a tick."""
 
     def __init__(self) -> None:
+        lacking = make_room()
         super().__init__('simulator', SIMULATOR)
+        if lacking:
+            self.get_logger().warning(lacking)
         values = self.values
         self._omega = self.number('omega')
         self._scale = self.number('backlash_angle')
