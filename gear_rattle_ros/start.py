@@ -40,6 +40,12 @@ EXECUTABLES = {
     'viewer': 'nodes.viewer',
 }
 
+# What libraries read of the environment while they are imported. Rerun would warn of a file
+# without an index, which the viewer gives it in the end.
+ENVIRONMENT = {
+    'viewer': {'RUST_LOG': 'warn,re_log_encoding::rrd::file_sink=error'},
+}
+
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
@@ -50,6 +56,8 @@ def start(name: str) -> NoReturn:
     try:
         signal.signal(signal.SIGINT, _interrupt)
         signal.signal(signal.SIGTERM, _interrupt)
+        for variable, value in ENVIRONMENT.get(name, {}).items():
+            os.environ.setdefault(variable, value)
         status = int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
     except KeyboardInterrupt:
         status = 0

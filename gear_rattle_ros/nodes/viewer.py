@@ -13,7 +13,7 @@ from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
 from .viewer_basin import BasinInput, BasinPicture
 from .viewer_recent import Recent
 from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
-from .viewer_sinks import chosen_mode, file_recording, Window
+from .viewer_sinks import add_index, chosen_mode, file_recording, Window
 from ..core.model import EVENT, EventArray
 from ..core.reconstruction import rebuild
 from ..parameters import VIEWER
@@ -88,6 +88,10 @@ class Viewer(ShellNode):
             self._drop(scene, '')
         if self._window is not None:
             self._window.close()
+        save = str(self.values['save'])
+        if save and (reason := add_index(save)):
+            self.get_logger().warning(
+                f'{save} is whole, but has no index; `rerun rrd optimize` adds one: {reason}')
 
     def _take(self, events: EventArray, stamp: int) -> None:
         self._waiting_since = min(self._waiting_since, time.monotonic())

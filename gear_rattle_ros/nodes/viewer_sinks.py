@@ -22,6 +22,9 @@ MEMORY_LIMIT: Final = '1GB'
 # How long a child may take to start listening, and to end [s].
 START_LIMIT: Final = 10.0
 END_LIMIT: Final = 2.0
+# A file is given its index at the end, if it is no larger and that takes no longer [bytes], [s].
+INDEXED_MOST: Final = 1_000_000_000
+INDEXED_WITHIN: Final = 20.0
 MODES: Final = ('auto', 'native', 'web', 'none')
 
 
@@ -49,7 +52,28 @@ def file_recording(save: str, colour: str) -> rr.RecordingStream:
         path.touch()
     except OSError as error:
         raise StartError(f'save = {save!r} cannot be written: {error.strerror}') from error
-    return _recording(rr.FileSink(path), colour)
+    # The index that a sink writes is held in memory until then, 2 kB for every piece drawn.
+    return _recording(rr.FileSink(path, write_footer=False), colour)
+
+
+def add_index(save: str) -> str:
+    """Give a finished file its index, by which rerun finds its way; tell why it has none."""
+    path = Path(save)
+    if path.stat().st_size > INDEXED_MOST:
+        return f'larger than {INDEXED_MOST >> 20} MB'
+    whole = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        subprocess.run(
+            _bound([_executable(), 'rrd', 'optimize', '--profile', 'live', str(path), '-o',
+                    str(whole)], 'KILL'),
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            check=True, timeout=INDEXED_WITHIN, start_new_session=True)
+        whole.chmod(path.stat().st_mode)
+        whole.replace(path)
+    except (OSError, subprocess.SubprocessError, StartError) as error:
+        whole.unlink(missing_ok=True)
+        return str(error)
+    return ''
 
 
 class Window:
@@ -70,9 +94,7 @@ class Window:
             command += ['--serve-web', '--web-viewer-port', str(web_port),
                         '--server-memory-limit', MEMORY_LIMIT]
             self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
-            if setpriv := shutil.which('setpriv'):
-                # The server ends with this node even if that is killed.
-                command = [setpriv, '--pdeathsig', 'TERM', *command]
+            command = _bound(command, 'TERM')
         self._child = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL, start_new_session=True)
@@ -111,6 +133,12 @@ def _recording(sink: rr.FileSink | rr.GrpcSink, colour: str) -> rr.RecordingStre
     recording = rr.RecordingStream(APPLICATION)
     recording.set_sinks(sink, default_blueprint=blueprint(colour))
     return recording
+
+
+def _bound(command: list[str], number: str) -> list[str]:
+    """Let a child end with this node even if that is killed."""
+    setpriv = shutil.which('setpriv')
+    return [setpriv, '--pdeathsig', number, *command] if setpriv else command
 
 
 def _executable() -> str:

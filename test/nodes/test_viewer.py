@@ -30,7 +30,7 @@ from gear_rattle_ros.nodes.shell import StartError
 from gear_rattle_ros.nodes.viewer_axes import colours_of, HALF_HEIGHT
 from gear_rattle_ros.nodes.viewer_recent import Recent
 from gear_rattle_ros.nodes.viewer_scene import exponent_row, EXPONENTS, SECTION_POINTS
-from gear_rattle_ros.nodes.viewer_sinks import chosen_mode, file_recording
+from gear_rattle_ros.nodes.viewer_sinks import add_index, chosen_mode, file_recording
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 TWO_PI = 2.0 * math.pi
@@ -267,6 +267,14 @@ def test_files_that_are_refused(tmp_path: Path) -> None:
     assert path.read_text() == 'precious'
     with pytest.raises(StartError, match='must end in .rrd'):
         file_recording('run.png', 'age')
+
+
+def test_a_file_that_gets_no_index_stays_as_it_is(tmp_path: Path) -> None:
+    """Rerun's program refuses it: the reason is told, and nothing is left beside it."""
+    path = tmp_path / 'run.rrd'
+    path.write_bytes(b'no recording')
+    assert 'status' in add_index(str(path))
+    assert path.read_bytes() == b'no recording' and list(tmp_path.iterdir()) == [path]
 
 
 def test_modes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,8 +38,6 @@ from gear_rattle_ros.start import EXECUTABLES
 NODES = ('simulator', 'lyapunov', 'transients', 'recorder', 'viewer')
 # DDS keeps the largest backlog it ever had as a pool: memory climbs in a few steps, then stays.
 WARM_UP = 0.5
-# rerun keeps an index of every chunk that it has written to run.rrd [kB/min].
-GROWS = {'viewer': 2000.0}
 BLOCKS = 10
 # After a pause everything under way has arrived within this time [s].
 SETTLED_WITHIN = 120.0
@@ -249,8 +247,7 @@ class Soak:
             print(f'{name:10} {begin / 1e3:7.1f} MB after warm-up, {sizes[-1] / 1e3:7.1f} MB at '
                   f'the end, {max(sizes) / 1e3:7.1f} MB at most; {rate:+.1f} +- {error:.1f} '
                   'kB/min', flush=True)
-            limit = max(self.options.slope_limit, GROWS.get(name, 0.0))
-            self.expect(rate - 2.0 * error < limit,
+            self.expect(rate - 2.0 * error < self.options.slope_limit,
                         f'memory of {name} grows by {rate:.1f} +- {error:.1f} kB/min')
 
     def report(self) -> int:
