@@ -94,7 +94,8 @@ def running(rate: float, names: tuple[str, ...], logs: Path) -> Iterator[Watch]:
             with open(logs / f'{name}.log', 'wb') as log:
                 processes.append(subprocess.Popen(
                     [sys.executable, '-m', 'gear_rattle_ros.start', name,
-                     *arguments.get(name, [])], stdout=log, stderr=log))
+                     *arguments.get(name, [])], stdout=log, stderr=log,
+                    start_new_session=True))
         watch = Watch()
         watch.wait_for_impacts()
         yield watch

@@ -1,6 +1,7 @@
 """The basin node as a process: pictures, attractors and shares for a stream of parameters."""
 
 from collections.abc import Callable
+from pathlib import Path
 import signal
 import time
 
@@ -98,6 +99,9 @@ def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin:
     pictures = Pictures(rclpy_node)
     basin = start('basin', '--ros-args', '-p', 'size:=100', '-p', 'velocity_limit:=2.0')
     basin.wait_for('ready', 120.0)
+    # Sessions share the processor first, where Linux groups them.
+    session = Path(f'/proc/{basin.process.pid}/autogroup')
+    assert not session.exists() or session.read_text().endswith('nice 10\n')
     spin(clouds.get_subscription_count)
     first, second = ramp([0.48, 0.49])
     clouds.publish(cloud_from_events(first, stamp_from_nanoseconds(7)))
