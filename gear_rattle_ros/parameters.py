@@ -53,7 +53,7 @@ class Specification:
         if wanted is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if not isinstance(value, wanted) or (wanted is int and isinstance(value, bool)):
-            raise ValueError(f'{self.name} = {value!r} is not of type {_TYPE_NAMES[wanted]}')
+            raise ValueError(f'{self.name} = {shown(value)} is not of type {_TYPE_NAMES[wanted]}')
         if isinstance(value, float) and math.isnan(value):
             raise ValueError(f'{self.name} = {value!r} is not a number')
         if self.low is not None and self.high is not None:
@@ -62,6 +62,12 @@ class Specification:
                 raise ValueError(
                     f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
         return value
+
+
+def shown(value: object) -> str:
+    """Return a value as part of a line: its beginning, where it is long."""
+    text = repr(value)
+    return text if len(text) <= 80 else f'{text[:77]}...'
 
 
 _TYPE_NAMES: Final[dict[type, str]] = {
@@ -195,7 +201,7 @@ def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
         if name not in names and not name.startswith(_OF_ROS):
             close = difflib.get_close_matches(name, names, 1)
             hint = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(names)}'
-            raise ValueError(f'unknown parameter {name!r}; {hint}')
+            raise ValueError(f'unknown parameter {shown(name)}; {hint}')
     values = {}
     for specification in table:
         value: object = specification.default

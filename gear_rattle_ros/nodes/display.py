@@ -5,6 +5,7 @@ import math
 
 from rich import box
 from rich.console import Group
+from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
@@ -56,7 +57,7 @@ def render(status: Status) -> Panel:
     table.add_column(style='cyan', no_wrap=True)
     table.add_column()
     gaps, lost = sum(status.gaps.values()), sum(status.lost.values())
-    where = ', '.join(f'{name} {count}' for name, count in status.lost.items() if count)
+    where = ', '.join(f'{escape(name)} {count}' for name, count in status.lost.items() if count)
     whole = '[green]none[/]' if not gaps else f'[red]{gaps}, {lost} impacts lost: {where}[/]'
     exponents = status.exponents
     finite = status.exponent('lambda_1_finite')
@@ -71,7 +72,7 @@ def render(status: Status) -> Panel:
         ('sum', status.exponent('sum')),
         ('  exact sum', status.exponent('exact_sum')),
         ('averaged over', f'{exponents.get("impacts", 0):,.0f} impacts'),
-        ('trajectory', status.trajectory or '-'),
+        ('trajectory', escape(status.trajectory) or '-'),
         ('gaps', whole),
         ('bag', f'{status.bag_bytes / 1e6:.1f} MB'),
     ):

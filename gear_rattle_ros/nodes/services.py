@@ -1,4 +1,4 @@
-"""Services that rclpy gives every node, made safe: a malformed request must not end the node."""
+"""What others send to a node, made safe: a malformed request or message must not end it."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -8,6 +8,22 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 _TYPES: Final = {int(kind.value) for kind in Parameter.Type}
+
+
+def tolerant(node: Node, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Return a callback that leaves out messages it cannot understand, each reason logged once."""
+    said = ''
+
+    def guarded(message: Any) -> None:
+        nonlocal said
+        try:
+            take(message)
+        except Exception as error:
+            reason = f'{error!r:.200}'
+            if reason != said:
+                said = reason
+                node.get_logger().warning(f'a message on {topic} is refused: {reason}')
+    return guarded
 
 
 def harden(node: Node) -> None:

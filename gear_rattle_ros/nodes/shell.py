@@ -12,19 +12,29 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.logging_severity import LoggingSeverity
+from rclpy.logging import get_logger_level, set_logger_level
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import PointCloud2
 
-from .arguments import misspelt_sections, refuse_plain, split_arguments
+from .arguments import (
+    explained,
+    misspelt_sections,
+    refuse_large_files,
+    refuse_plain,
+    split_arguments,
+)
 from .services import harden
 from ..core.model import EventArray
 from ..core.stream import StreamGuard
 from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
-from ..parameters import declare, Specification
+from ..parameters import declare, shown, Specification
 from ..qos import STREAM_INPUT
 
 # A signal is seen between two callbacks, or after so long without one [s].
@@ -42,11 +52,25 @@ class StartError(Exception):
     """A node cannot start, for a reason that its user can mend."""
 
 
-class ShellNode(Node, abc.ABC):
+class GivenNode(Node):
+    """A node with whatever it is given declared; ValueError names a parameter without a value."""
+
+    def __init__(self, name: str) -> None:
+        try:
+            super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        except (ParameterException, ValueError) as error:
+            # rclpy does not say which of them is empty.
+            for given in self._parameter_overrides.values():
+                if given.type_ == Parameter.Type.NOT_SET:
+                    raise ValueError(f'{shown(given.name)} has no value') from error
+            raise
+
+
+class ShellNode(GivenNode, abc.ABC):
     """A node with a table of parameters and diagnostics once a second; ends when finished."""
 
     def __init__(self, name: str, table: Sequence[Specification]) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        super().__init__(name)
         harden(self)
         self.values = declare(self, table)
         self.is_finished = False
@@ -210,14 +234,28 @@ class Stop:
             raise KeyboardInterrupt
 
 
-def initialise(name: str, arguments: list[str] | None) -> None:
-    """Begin ROS with the arguments of a node; StartError or ValueError names one nobody reads."""
-    plain, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
-    refuse_plain(name, plain)
+def begin(ros: list[str]) -> None:
+    """Begin ROS with its arguments; StartError or ValueError names one that it cannot take."""
+    refuse_large_files(ros)
+    # What rcl logs when it fails says less than the line below.
+    set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
         rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except UnknownROSArgsError as error:
         raise StartError(f'ROS does not know the arguments {error}') from error
+    except RCLError as error:
+        raise StartError(explained(error)) from error
+    finally:
+        # Unless the arguments say otherwise.
+        if get_logger_level('rcl') == LoggingSeverity.FATAL:
+            set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def initialise(name: str, arguments: list[str] | None) -> None:
+    """Begin ROS with the arguments of a node; StartError or ValueError names one nobody reads."""
+    plain, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
+    refuse_plain(name, plain)
+    begin(ros)
     for line in misspelt_sections(name, ros):
         print(f'{name}: {line}', file=sys.stderr, flush=True)
 
@@ -232,7 +270,7 @@ def run_node(name: str, make: Callable[[], ShellNode], arguments: list[str] | No
             initialise(name, arguments)
             node = make()
         except (StartError, ValueError, RCLError) as error:
-            print(f'{name}: {str(error).splitlines()[0]}', file=sys.stderr)
+            print(f'{name}: {explained(error)}', file=sys.stderr)
             return 2
         stop.spinning = True
         executor = SingleThreadedExecutor()

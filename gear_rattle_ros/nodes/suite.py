@@ -15,13 +15,11 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import SetParametersAtomically
-import rclpy
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameter_events
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from rich.console import Console
 from rich.live import Live
@@ -30,7 +28,8 @@ from std_srvs.srv import Trigger
 
 from .display import render, Status
 from .processes import Processes
-from .shell import Stop
+from .services import tolerant
+from .shell import begin, StartError, Stop
 from ..qos import LATCHED, STREAM
 from ..scenes import find_scene, load_scenes, Performance, Step
 
@@ -57,20 +56,22 @@ class Monitor(Node):
         super().__init__('suite', start_parameter_services=False)
         self.status = status
         self._seen = (time.monotonic(), 0)
-        self.create_subscription(JointState, 'lyapunov', self._take_exponents, STREAM)
-        self.create_subscription(DiagnosticArray, 'transient', self._take_transient, LATCHED)
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._take_diagnostics, 10)
-        self.create_subscription(
-            ParameterEvent, '/parameter_events', self._take_parameters,
-            qos_profile_parameter_events)
+        for kind, name, take, qos in (
+            (JointState, 'lyapunov', self._take_exponents, STREAM),
+            (DiagnosticArray, 'transient', self._take_transient, LATCHED),
+            (DiagnosticArray, '/diagnostics', self._take_diagnostics, 10),
+            (ParameterEvent, '/parameter_events', self._take_parameters,
+             qos_profile_parameter_events),
+        ):
+            self.create_subscription(kind, name, tolerant(self, name, take), qos)
         self.set_parameters_client = self.create_client(
             SetParametersAtomically, 'simulator/set_parameters_atomically')
         self.reset_client = self.create_client(Trigger, 'simulator/reset')
 
     def _take_exponents(self, message: JointState) -> None:
         values = dict(zip(message.name, message.position, strict=True))
-        self.status.exponents = values
         now, index = time.monotonic(), int(values['index'])
+        self.status.exponents = values
         since, before = self._seen
         if not before:
             self._seen = (now, index)
@@ -120,8 +121,7 @@ class Suite:
     def run(self) -> None:
         """Run from the first process to the last; everything is ended in any case."""
         self._stop.spinning = True
-        rclpy.init(args=secured('suite', self._ros_arguments),
-                   signal_handler_options=SignalHandlerOptions.NO)
+        begin(secured('suite', self._ros_arguments))
         monitor = Monitor(self._status)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(monitor)
@@ -383,7 +383,7 @@ def main(arguments: list[str] | None = None) -> int:
         suite.finish()
     except KeyboardInterrupt:
         return 0
-    except SuiteError as error:
+    except (SuiteError, StartError, ValueError) as error:
         print(f'suite: {error}', file=sys.stderr)
         return 2
     return 0

@@ -9,8 +9,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
+from .arguments import explained
 from .services import harden
-from .shell import initialise, StartError, Stop
+from .shell import GivenNode, initialise, StartError, Stop
 from .teleop_keys import Entry, Keys
 from .teleop_link import Link
 from .teleop_terminal import Terminal
@@ -168,11 +169,11 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         try:
             initialise('teleop', arguments)
-            node = Node('teleop', automatically_declare_parameters_from_overrides=True)
+            node = GivenNode('teleop')
             teleop = Teleop(node)
             harden(node)
         except (StartError, ValueError, RCLError) as error:
-            print(f'teleop: {str(error).splitlines()[0]}', file=sys.stderr)
+            print(f'teleop: {explained(error)}', file=sys.stderr)
             return 2
         # From here on signals end the loop, and so restore the terminal.
         stop.spinning = True

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
+from .services import tolerant
 from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
 from .viewer_basin import BasinInput, BasinPicture
 from .viewer_recent import Recent
@@ -20,6 +21,9 @@ from ..parameters import VIEWER
 from ..qos import LATCHED, STREAM
 
 COLOURS = ('age', 'alpha')
+# What an estimate of the exponents must have to be shown.
+SHOWN = ('lambda_1', 'lambda_1_error', 'lambda_2', 'lambda_2_error', 'sum', 'exact_sum', 'impacts',
+         'index')
 
 
 class Viewer(ShellNode):
@@ -52,8 +56,11 @@ class Viewer(ShellNode):
         self._waiting_since = math.inf
         self._lag = 0.0
         self._input = EventInput(self, self._take)
-        self.create_subscription(JointState, 'lyapunov', self._take_estimate, STREAM)
-        self.create_subscription(DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        self.create_subscription(
+            JointState, 'lyapunov', tolerant(self, 'lyapunov', self._take_estimate), STREAM)
+        self.create_subscription(
+            DiagnosticArray, 'transient', tolerant(self, 'transient', self._take_transient),
+            LATCHED)
         pictures = self._basin_input
         for kind, name, take in (
             (Image, 'basin', pictures.take_image),
@@ -61,7 +68,8 @@ class Viewer(ShellNode):
             (DiagnosticArray, 'basin_state', pictures.take_state),
         ):
             self.create_subscription(
-                kind, name, functools.partial(self._take_basin, take), LATCHED)
+                kind, name, tolerant(self, name, functools.partial(self._take_basin, take)),
+                LATCHED)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
@@ -99,7 +107,14 @@ class Viewer(ShellNode):
         self._holes.speak()
 
     def _take_estimate(self, message: JointState) -> None:
-        self._estimate = dict(zip(message.name, message.position, strict=True))
+        estimate = dict(zip(message.name, message.position, strict=True))
+        missing = [name for name in SHOWN if name not in estimate]
+        if missing:
+            raise ValueError(f'no value {missing[0]!r}')
+        for name in ('impacts', 'index'):
+            if not 0.0 <= estimate[name] < 2.0**63:
+                raise ValueError(f'{name} = {estimate[name]!r}')
+        self._estimate = estimate
         for scene in self._scenes:
             scene.estimate(self._estimate)
 
@@ -107,7 +122,9 @@ class Viewer(ShellNode):
         if not message.status:
             return
         status = message.status[0]
-        self._transient = (status.message, {item.key: item.value for item in status.values})
+        values = {item.key: item.value for item in status.values}
+        float(values.get('multiplier', 0.0))
+        self._transient = (status.message, values)
         for scene in self._scenes:
             scene.say(status.message, 'INFO', self._recent.now)
 

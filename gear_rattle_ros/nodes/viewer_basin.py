@@ -1,6 +1,7 @@
 """Pictures of the basins as they come in: three messages that belong together."""
 
 import dataclasses
+import math
 import struct
 from typing import Final
 import zlib
@@ -8,7 +9,7 @@ import zlib
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import numpy.typing as npt
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, PointCloud2, PointField
 
 from ..messages import nanoseconds_from_stamp
 
@@ -65,17 +66,23 @@ class BasinInput:
         # Each message is in one picture only.
         self._image = self._attractors = self._state = None
         points, colours = points_of(cloud)
+        low, high = float(values['velocity_low']), float(values['velocity_high'])
+        if image.encoding != 'rgb8' or not -math.inf < low < high < math.inf:
+            raise ValueError(f'{image.encoding} image of velocities from {low!r} to {high!r}')
         pixels = np.frombuffer(bytes(image.data), np.uint8)
         return BasinPicture(
             png_of(pixels.reshape(image.height, image.width, 3)), image.width, image.height,
-            float(values['velocity_low']), float(values['velocity_high']), points, colours,
+            low, high, points, colours,
             tuple(status.message for status in state.status))
 
 
 def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
     """Return phase and velocity of a cloud's points, and their colours as RGBA."""
-    offsets = {field.name: field.offset for field in cloud.fields}
     names = ('x', 'y', 'rgb')
+    offsets = {field.name: field.offset for field in cloud.fields
+               if field.datatype == PointField.FLOAT32 and field.count == 1}
+    if cloud.is_bigendian or not all(name in offsets for name in names):
+        raise ValueError('attractors are no cloud of little-endian float32 x, y and rgb')
     records = np.frombuffer(bytes(cloud.data), np.dtype({
         'names': names, 'formats': ['<f4', '<f4', '<u4'],
         'offsets': [offsets[name] for name in names], 'itemsize': cloud.point_step}))

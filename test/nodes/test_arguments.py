@@ -3,8 +3,16 @@
 from pathlib import Path
 
 import pytest
+from rclpy.utilities import try_shutdown
 
-from gear_rattle_ros.nodes.arguments import misspelt_sections, refuse_plain, split_arguments
+from gear_rattle_ros.nodes.arguments import (
+    misspelt_sections,
+    refuse_large_files,
+    refuse_plain,
+    split_arguments,
+)
+from gear_rattle_ros.nodes.shell import begin, GivenNode, StartError
+from gear_rattle_ros.parameters import declare, LYAPUNOV
 
 
 @pytest.mark.parametrize('given, plain, ros', [
@@ -41,15 +49,148 @@ def test_misspelt_sections_of_parameter_files_are_named(tmp_path: Path) -> None:
     assert list(misspelt_sections('simulator', ros)) == [
         f"{file}: section '/**/simulatr' is for no node; did you mean 'simulator'?"]
     assert not list(misspelt_sections('lyapunov', ros))
+    file.write_text('a: {b: {simulatr: {ros__parameters: {}}}, ros_parameters: {c: {d: 1}}}\n')
+    assert [line.split(':')[1] for line in misspelt_sections('simulator', ros)] == [
+        " section 'simulatr' is for no node; did you mean 'simulator'?"]
+    file.write_text('simulator\n')
+    line, = misspelt_sections('simulator', ros)
+    assert "'simulator' is no section and is not read; it must read NODE: {ros__par" in line
     for text in ('[1, 2', '- 1', '', '5: {}', '\x00'):
         file.write_text(text)
         assert not list(misspelt_sections('simulator', ros))
     assert not list(misspelt_sections('simulator', ['--params-file', '/nowhere']))
+    assert list(misspelt_sections('simulator', ['-p', 'simulatr:alpha:=1', '-p', 'beta:=1'])) == [
+        "-p 'simulatr:alpha:=1': 'simulatr' is no node; did you mean 'simulator'?"]
+
+
+def taken(ros: list[str]) -> str:
+    """Return what a node says of its arguments before it runs, or nothing where it takes them."""
+    node = None
+    try:
+        begin(['--ros-args', *ros])
+        node = GivenNode('lyapunov')
+        declare(node, LYAPUNOV)
+    except (StartError, ValueError) as error:
+        return str(error)
+    finally:
+        if node is not None:
+            node.destroy_node()
+        try_shutdown()
+    return ''
+
+
+SECTION = 'lyapunov: {ros__parameters: {%s}}'
+BAD_FILES = {
+    # Of the wrong type or range.
+    SECTION % 'publish_rate: "1.0"': "publish_rate = '1.0' is not of type double",
+    SECTION % 'publish_rate: [1.0, 2.0]': 'publish_rate = [1.0, 2.0] is not of type double',
+    SECTION % 'publish_rate: true': 'publish_rate = True is not of type double',
+    SECTION % 'publish_rate: {a: 1.0}': "unknown parameter 'publish_rate.a'; did you mean",
+    SECTION % 'publish_rate: []': "'publish_rate' has no value",
+    SECTION % 'publish_rate: {}': "'publish_rate' has no value",
+    SECTION % 'publish_rate: .nan': 'publish_rate = nan is not a number',
+    SECTION % 'publish_rate: -.inf': 'publish_rate = -inf is outside [0.1, 1000]',
+    SECTION % 'publish_rate: 1e999': "publish_rate = '1e999' is not of type double",
+    SECTION % f'publish_rate: {2**64}': 'publish_rate = 1.8446744073709552e+19 is outside',
+    SECTION % f'window: {2**63}': 'window = 9.223372036854776e+18 is not of type integer',
+    SECTION % f'window: {-2**63}': 'window = -9223372036854775808 is outside [1, 1e+06]',
+    SECTION % f'window: {"x" * 5000}': f"window = '{'x' * 76}... is not of type integer",
+    SECTION % f'{"x" * 900}: 1': f"unknown parameter '{'x' * 76}...; known are",
+    SECTION % ('{a: ' * 200 + '1' + '}' * 200)[1:-1]: "unknown parameter 'a.a.a.a",
+    SECTION % 'publish_rat: 1.0': "unknown parameter 'publish_rat'; did you mean 'publish_rate'?",
+    # What rcl does not take: with what is wrong where that can be said, and the form.
+    SECTION % 'publish_rate: [1, 2.0]': "Value type 'double' do not belong at line_num 1; it",
+    SECTION % 'publish_rate: ': 'No value at line 1; it must read NODE: {ros__parameters:',
+    SECTION % 'publish_rate: *a': 'is no YAML: found undefined alias',
+    SECTION % ('publish_rate: ' + '[' * 10_000): 'is no YAML: RecursionError; it must read',
+    'lyapunov: {publish_rate: 5.0}': 'Cannot have a value before ros__parameters at line 1; it',
+    'lyapunov: {ros_parameters: {window: 5}}': 'Cannot have a value before ros__parameters at',
+    'ros__parameters: {window: 5}': 'There are no node names before ros__parameters at line 1;',
+    'lyapunov: {ros__parameters: [1]}': 'Cannot have a value before ros__parameters at line 1;',
+    '- 1': 'Sequences cannot be key at line 1; it must read',
+    'lyapunov:\n\tros__parameters: {}': 'is no YAML: while scanning for the next token found',
+    b'lyapunov: {ros__parameters: {}} # \xff': 'byte 34 is not UTF-8; it must read',
+    b'\x00': 'is no YAML: unacceptable character #x0000',
+    'a' * 200_000: 'has more than 100000 bytes: 200000',
+}
+
+
+def test_parameter_files_that_are_none(tmp_path: Path, capfd) -> None:
+    """One line each that names the file or the value; rcl itself says nothing beside it."""
+    file = tmp_path / 'p.yaml'
+    for content, words in BAD_FILES.items():
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        line = taken(['--params-file', str(file)])
+        assert words in line and '\n' not in line and len(line) < 500, (content[:80], line)
+        assert not line.startswith('parameter file') or str(file) in line
+    for name, words in (('/nowhere/p.yaml', "'/nowhere/p.yaml' cannot be read: No such file"),
+                        (str(tmp_path), f"'{tmp_path}' cannot be read: Is a directory"),
+                        ('', "'' cannot be read: No such file"),
+                        ('a\nb', "'a\\nb' cannot be read: No such file")):
+        assert taken(['--params-file', name]).startswith(f'parameter file {words}')
+    assert capfd.readouterr() == ('', '')
+
+
+GOOD_FILES = {
+    '': {}, '# nothing\n': {}, '\ufeff' + SECTION % 'window: 7': {'window': 7},
+    # Of what is there twice the last counts, as everywhere in ROS; an integer is a double.
+    SECTION % 'window: 7, window: 8': {'window': 8},
+    f'{SECTION % "window: 7"}\n---\n{SECTION % "window: 9"}': {'window': 9},
+    f'{SECTION % "window: 7"}\nsimulator: {{ros__parameters: {{alpha: x}}}}': {'window': 7},
+    SECTION % 'publish_rate: 5': {'publish_rate': 5.0},
+    # Octal and hexadecimal, as YAML 1.1 has them.
+    SECTION % 'window: 010, publish_rate: 0x10': {'window': 8, 'publish_rate': 16.0}}
+
+
+def test_parameter_files_that_are_taken(tmp_path: Path) -> None:
+    """What is odd and right nevertheless."""
+    file = tmp_path / 'p.yaml'
+    for content, values in GOOD_FILES.items():
+        file.write_text(content)
+        begin(['--ros-args', '--params-file', str(file)])
+        node = GivenNode('lyapunov')
+        assert declare(node, LYAPUNOV) == {'publish_rate': 10.0, 'window': 1000, **values}
+        node.destroy_node()
+        try_shutdown()
+
+
+@pytest.mark.parametrize('ros, words', [
+    (['-p', 'window'], "-p 'window' is not understood; parameters are given as -p NAME:=VALUE"),
+    (['-p', 'window:={a: 1}'], "-p 'window:={a: 1}' is not understood; "),
+    (['-p', 'window:=[1, "a"]'], 'VALUE in YAML and of one type'),
+    (['-p', 'window:='], "-p 'window:=' is not understood"),
+    (['-p', 'window:=[]'], "'window' has no value"),
+    (['-p', 'window:=\n'], "'window' has no value"),
+    (['-p', 'window:=a\nb'], "window = 'a b' is not of type integer"),
+    (['-p', 'a b:=1'], "-p 'a b:=1' is not understood"),
+    (['-p', 'windo:=1'], "unknown parameter 'windo'; did you mean 'window'?"),
+    (['-p', f'window:={2**63}'], 'window = 9.223372036854776e+18 is not of type integer'),
+    (['-p', f'window:={"[" * 10_000}'], f"-p 'window:={'[' * 68}... is not understood"),
+    (['-r', '__ns:=x'], "-r '__ns:=x' is not understood; names are changed by -r FROM:=TO"),
+    (['--log-level', 'loud'], "--log-level 'loud' is not understood; levels are debug, info"),
+    (['-p'], "Couldn't parse trailing -p flag."),
+    (['-e', 'x'], "Enclave name is not valid: 'context name must be absolute")])
+def test_overrides_that_are_none(ros: list[str], words: str, capfd) -> None:
+    """One line that names the value, with the form where it is that which is wrong."""
+    line = taken(ros)
+    assert words in line and '\n' not in line and len(line) < 300
+    # Of a very long argument rcl says that it is too long for it.
+    assert '/src/' not in line and ('[[' in line or capfd.readouterr() == ('', ''))
+
+
+def test_a_large_parameter_file_is_refused_unread(tmp_path: Path) -> None:
+    """A mapping in a mapping, 1e5 times, takes rcl minutes; a pipe has no size to be judged by."""
+    file = tmp_path / 'p.yaml'
+    file.write_text('{a: ' * 100_000)
+    with pytest.raises(ValueError, match=f"'{file}' has more than 100000 bytes: 400000"):
+        refuse_large_files(['--params-file', str(file)])
+    refuse_large_files(['--params-file', '/dev/null', '--params-file', '/nowhere'])
 
 
 @pytest.mark.parametrize('arguments, words', [
     (['--rate', '5'], "argument '--rate' is not known; parameters are given as --ros-args -p"),
-    (['--ros-args', '-q', 'foo'], "ROS does not know the arguments ['-q', 'foo']")])
+    (['--ros-args', '-q', 'foo'], "ROS does not know the arguments ['-q', 'foo']"),
+    (['--ros-args', '--params-file', '/nowhere'], "parameter file '/nowhere' cannot be read: No")])
 def test_a_node_refuses_what_it_would_ignore(start, arguments: list[str], words: str) -> None:
     """One line, status 2."""
     node = start('lyapunov', *arguments)
