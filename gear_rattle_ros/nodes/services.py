@@ -42,7 +42,7 @@ def _guarded(node: Node, answer: Callable[[Any, Any], Any]) -> Callable[[Any, An
             if not parameter.name:
                 return _refused(request, response, 'a parameter has no name')
         try:
-            return answer(request, response)
+            return _named(request, answer(request, response))
         except Exception as error:
             node.get_logger().warning(f'a request is refused: {error!r:.500}')
             return _refused(request, type(response)(), repr(error))
@@ -55,4 +55,17 @@ def _refused(request: Any, response: Any, reason: str) -> Any:
         response.results = [refusal for _ in request.parameters]
     elif hasattr(response, 'result') and hasattr(request, 'parameters'):
         response.result = refusal
+    return response
+
+
+def _named(request: Any, response: Any) -> Any:
+    # rclpy does not always say which parameter it refuses.
+    given = getattr(request, 'parameters', ())
+    results = getattr(response, 'results', ())
+    if hasattr(response, 'result') and len(given) == 1:
+        results = [response.result]
+    for parameter, result in zip(given, results, strict=False):
+        if isinstance(result, SetParametersResult) and not result.successful and (
+                parameter.name not in result.reason):
+            result.reason = f'{parameter.name[:80]}: {result.reason}'
     return response

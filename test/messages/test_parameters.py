@@ -106,13 +106,14 @@ VALUES = st.one_of(
     st.lists(st.integers(-5, 5), max_size=2), st.lists(st.booleans(), max_size=2))
 
 
-@pytest.mark.parametrize('name', ['simulator', 'lyapunov', 'recorder'])
+@pytest.mark.parametrize('name', sorted(TABLES))
 def test_the_guard_lets_in_what_the_table_allows_and_nothing_else(rclpy_node, name: str) -> None:
     """On a real node: all or none, the right type and range, or everything is as it was."""
     table = TABLES[name]
     applied: list[dict[str, object]] = []
     parameters.declare(rclpy_node, table)
-    parameters.guard(rclpy_node, table, lambda values: None, applied.append)
+    if any(not specification.read_only for specification in table):
+        parameters.guard(rclpy_node, table, lambda values: None, applied.append)
     specifications = {specification.name: specification for specification in table}
 
     def fits(key: str, value: object) -> bool:
@@ -131,7 +132,9 @@ def test_the_guard_lets_in_what_the_table_allows_and_nothing_else(rclpy_node, na
         result = rclpy_node.set_parameters_atomically(
             [Parameter(key, value=value) for key, value in values.items()])
         assert result.successful == all(fits(key, value) for key, value in values.items())
+        # The services add the name where it is missing (test_hostile.py).
         assert result.successful or result.reason
+        assert len(result.reason) < 300
         after = {key: rclpy_node.get_parameter(key).value for key in specifications}
         assert after == (before | values if result.successful else before)
         assert [type(value) for value in after.values()] == [

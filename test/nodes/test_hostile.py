@@ -212,17 +212,21 @@ def test_parameters_of_every_type_and_extreme(start, rclpy_node, spin):
             ParameterMessage(name=specification.name, value=value)])).results[0]
         words = (specification.name, value.type, result.reason)
         assert result.successful == is_good(specification, value), words
-        assert result.successful or result.reason, words
+        assert result.successful or specification.name in result.reason, words
+        assert len(result.reason) < 300
     for name, value in itertools.product(names, every_value()):
         result = call(setter, SetParameters.Request(
             parameters=[ParameterMessage(name=name, value=value)])).results[0]
         # To unset what is not there is no mistake.
         assert not result.successful or name == 'use_sim_time' or value.type == 0, name
     read_only = [s for s in SIMULATOR if s.read_only]
-    results = call(setter, SetParameters.Request(parameters=[
-        ParameterMessage(name=s.name, value=value)
-        for s in read_only for value in every_value()])).results
-    assert not any(result.successful for result in results)
+    for value in every_value():
+        results = call(setter, SetParameters.Request(parameters=[
+            ParameterMessage(name=s.name, value=value) for s in read_only])).results
+        # Of a type that ROS does not have nothing is looked at, and the first one named.
+        for specification, result in zip(read_only, results, strict=True):
+            assert not result.successful
+            assert specification.name in result.reason or value.type == 200
     values = call(getter, GetParameters.Request(names=[s.name for s in live])).values
     for specification, value in zip(live, values, strict=True):
         assert is_good(specification, value)
