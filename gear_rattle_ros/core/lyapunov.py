@@ -162,13 +162,14 @@ def orthonormalise(basis):  # type: ignore[no-untyped-def]
     Returns
     -------
     tuple of float
-        The diagonal of R, both not negative [1].
+        The diagonal of R, both not negative [1]; no numbers where the vectors are none.
 
     """
     first = math.hypot(basis[0], basis[1])
-    if first == 0.0:
+    if not 0.0 < first < math.inf:
+        # What a record with absurd velocities has spoilt must not outlive its epoch.
         set_identity(basis)
-        return 0.0, 0.0
+        return first, 0.0 if first == 0.0 else math.nan
     x, y = basis[0] / first, basis[1] / first
     second = abs(x * basis[3] - y * basis[2])
     basis[0] = x
@@ -372,7 +373,8 @@ class RunningLyapunov:
         if not e['impacts']:
             return math.nan
         if math.isinf(e[name][0]):
-            return -math.inf
+            # Sticking gives -inf; inf comes of records that no simulator writes.
+            return float(e[name][0])
         return float(e[name][0] + e[name][1]) / int(e['impacts'])
 
     def _error(self, name: str) -> float:

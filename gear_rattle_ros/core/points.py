@@ -7,7 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from .model import EVENT, EventArray, EventKind
+from .model import (
+    ALPHA_MAXIMUM,
+    BETA_MAXIMUM,
+    EVENT,
+    EventArray,
+    EventKind,
+    GAMMA_MAXIMUM,
+)
 
 # A point of the cloud: what RViz draws (phase, velocity, displacement), then the EVENT.
 POINT: Final = np.dtype(
@@ -167,9 +174,9 @@ def check_events(events: EventArray) -> None:
         ('displacement', -1.0, 0.0),
         ('velocity', -math.inf, math.inf),
         ('velocity_after', -math.inf, math.inf),
-        ('alpha', 0.0, math.inf),
-        ('beta', 0.0, math.inf),
-        ('gamma', -math.inf, math.inf),
+        ('alpha', 0.0, ALPHA_MAXIMUM),
+        ('beta', 0.0, BETA_MAXIMUM),
+        ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM),
         ('restitution', 0.0, 1.0),
     ):
         column = events[name]
