@@ -49,7 +49,7 @@ def attributes_checksum(attributes: Mapping[str, Any]) -> int:
 
 def require_attributes(path: Path) -> None:
     """
-    Hold the attributes of a store against their checksum.
+    Hold the attributes of a store and of its grids against their checksums.
 
     Parameters
     ----------
@@ -62,10 +62,13 @@ def require_attributes(path: Path) -> None:
         If they do not agree.
 
     """
-    found = read_document(path / '.zattrs')
-    if found.get(CHECKSUM) != attributes_checksum(found):
-        raise StoreError(f'{path}/.zattrs is damaged: its checksum is that of other attributes; '
-                         f'{ELSE}')
+    for place in (path, *(path / name for name in variables_of(path))):
+        found = read_document(place / '.zattrs')
+        # The first stores had none of the texts of a grid.
+        if found.get(CHECKSUM, None if place == path else attributes_checksum(found)) != (
+                attributes_checksum(found)):
+            raise StoreError(f'{place}/.zattrs is damaged: its checksum is that of other '
+                             f'attributes; {ELSE}')
 
 
 def chunks_checksum(files: Sequence[Path]) -> int:

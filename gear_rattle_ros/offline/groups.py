@@ -84,7 +84,8 @@ def make_array(group: Any, variable: Variable, shape: Sequence[int], chunks: Seq
         array = group.create_dataset(variable.name, compressor=compressor, **settings)
     else:
         array = group.create_array(variable.name, compressors=compressor, **settings)
-    array.attrs.update({**variable.attributes, DIMENSIONS: list(variable.dimensions)})
+    attributes = {**variable.attributes, DIMENSIONS: list(variable.dimensions)}
+    array.attrs.update({**attributes, CHECKSUM: attributes_checksum(attributes)})
 
 
 def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[Any, Any]) -> None:

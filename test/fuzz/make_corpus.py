@@ -5,6 +5,7 @@ from pathlib import Path
 
 import bag_maker
 from mcap.writer import CompressionType, Writer
+import readers
 
 from gear_rattle_ros.bags import metadata
 
@@ -44,6 +45,9 @@ def main() -> None:
         'metadata': b'Y' + metadata.dump({'rosbag2_bagfile_information': metadata.document(
             [metadata.Part('bag.mcap', ((TOPIC, 3),), 1, 2)])}).encode(),
     }
+    for number, document in enumerate(readers.DOCUMENTS):
+        name = 'document_' + document.replace('/', '').replace('.', '_')
+        inputs[name] = b'J' + bytes([number]) + (readers.store() / document).read_bytes()
     for name, data in inputs.items():
         (CORPUS / name).write_bytes(data)
 
