@@ -224,7 +224,9 @@ def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
     document = read_document(folder / '.zarray')
     # Some versions of zarr leave it out where it is a point.
     document.setdefault('dimension_separator', '.')
-    document['filters'] = document.get('filters') or None
+    # None are none, but 0 and the like are nothing that zarr can read.
+    if document.setdefault('filters', None) == []:
+        document['filters'] = None
     for name in document:
         if name not in expected:
             raise StoreError(f'{folder}/.zarray is damaged: it says {shortened(name)}; {ELSE}')

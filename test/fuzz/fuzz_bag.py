@@ -16,7 +16,8 @@ import atheris
 
 with atheris.instrument_imports(include=[
         'gear_rattle_ros.bags', 'gear_rattle_ros.core.points', 'gear_rattle_ros.offline.documents',
-        'gear_rattle_ros.offline.checksums', 'gear_rattle_ros.plain_yaml', 'mcap']):
+        'gear_rattle_ros.offline.checksums', 'gear_rattle_ros.plain_yaml', 'mcap',
+        'yaml']):
     import readers
 
 CORPUS = Path(__file__).parent / 'corpus'

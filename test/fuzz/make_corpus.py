@@ -47,7 +47,10 @@ def main() -> None:
     }
     for number, document in enumerate(readers.DOCUMENTS):
         name = 'document_' + document.replace('/', '').replace('.', '_')
-        inputs[name] = b'J' + bytes([number]) + (readers.store() / document).read_bytes()
+        inputs[name] = b'J' + bytes([number, readers.RAW]) + (
+            readers.store() / document).read_bytes()
+    # The cuts of the tiles by themselves.
+    inputs['tiles'] = b'J' + bytes([6, 1]) + b'[["velocity", 7, 3], ["phase", 5, 2]]'
     for name, data in inputs.items():
         (CORPUS / name).write_bytes(data)
 

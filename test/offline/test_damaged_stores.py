@@ -187,6 +187,7 @@ ABSURD = [
     ('label/.zarray', 'dtype', '<f8'), ('label/.zarray', 'dtype', [['a', '<i2', [10**9]]]),
     ('label/.zarray', 'dtype', '|O'), ('label/.zarray', 'compressor', {'id': 'pickle'}),
     ('label/.zarray', 'compressor', None), ('label/.zarray', 'filters', [{'id': 'json2'}]),
+    ('label/.zarray', 'filters', 0), ('label/.zarray', 'filters', ''),
     ('label/.zarray', 'fill_value', 0), ('label/.zarray', 'order', 'F'),
     ('label/.zarray', 'dimension_separator', '/'), ('label/.zarray', 'zarr_format', 3),
     ('label/.zarray', 'more', 3),
