@@ -204,7 +204,8 @@ ABSURD = [
     ('tile_done/.zattrs', 'variables', ['label']), ('tile_done/.zattrs', 'variables', [{}]),
     ('tile_checksum/.zarray', 'shape', [10**12]), ('tile_done/.zarray', 'dtype', '<u4'),
     ('label/.zattrs', 'long_name', 'lapel'), ('rate/.zattrs', 'units', '0'),
-    ('label/.zattrs', 'more', 'x'), ('.zattrs', 'alpha', 0.57), ('.zattrs', 'stay', 4), ('.zattrs', 'identity', 7),
+    ('label/.zattrs', 'more', 'x'),
+    ('.zattrs', 'alpha', 0.57), ('.zattrs', 'stay', 4), ('.zattrs', 'identity', 7),
     ('.zgroup', 'zarr_format', 'x')]
 
 
@@ -352,5 +353,5 @@ def test_tools_make_it_whole_or_say_one_line(tool, tmp_path, capsys):
         for name, expected in values.items():
             found = open_dataset(path)[name].values
             assert np.array_equal(found, expected, equal_nan=found.dtype.kind == 'f'), name
-    # Chunks, marks and checksums at the least, and tables that are written anew in any case.
-    assert made_whole >= 4
+    # Chunks, marks and checksums at the least; attractors have no tiles.
+    assert made_whole >= (3 if tool is attractors else 4)
