@@ -206,3 +206,11 @@ def test_a_misspelt_section_is_said_and_the_node_goes_on(start, tmp_path: Path) 
     node.wait_for('ready')
     assert f"lyapunov: {file}: section 'lyapunvo' is for no node; did you mean" in node.text()
     assert node.stop() == 0
+
+
+def test_the_suite_refuses_arguments_that_ros_does_not_take(start, tmp_path: Path) -> None:
+    """In one line too, before a node is started."""
+    suite = start('suite', '--output', str(tmp_path / 'run'), '--ros-args', '-p', 'alpha')
+    assert suite.process.wait(60) == 2
+    assert suite.text().startswith("suite: -p 'alpha' is not understood; parameters are given as")
+    assert len(suite.text().strip().splitlines()) == 1
