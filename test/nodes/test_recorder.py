@@ -22,6 +22,7 @@ import yaml
 from gear_rattle_ros.bags import Bag
 from gear_rattle_ros.core.model import EventArray
 from gear_rattle_ros.messages import cloud_from_events, diagnostic_array, named_values
+from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.qos import CLOCK, LATCHED, STREAM
 
 # A wait for acknowledgements that is far beyond what DDS takes for them.
@@ -45,7 +46,7 @@ def impacts(rclpy_node):
     return rclpy_node.create_publisher(PointCloud2, 'impacts', STREAM)
 
 
-def send(publisher, events: EventArray, size: int = 1000, pause: float = 0.0) -> None:
+def send(publisher, events: EventArray, size: int = LARGEST_BATCH, pause: float = 0.0) -> None:
     """Publish events in batches, as fast as they are acknowledged or with a pause after each."""
     for number, begin in enumerate(range(0, len(events), size)):
         publisher.publish(cloud_from_events(events[begin:begin + size], Time(sec=begin)))
