@@ -87,7 +87,7 @@ setup(
         'numpy>=1.26',
         'pillow',
         'pyyaml',
-        'rerun-sdk',
+        'rerun-sdk>=0.39',
         'rich',
         'xarray',
         'zarr',

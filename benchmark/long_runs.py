@@ -128,7 +128,7 @@ def run_peer(peer: str, python: str, starts: Array, settings: Array, size: Size,
     np.savez(job, starts=starts, settings=settings, most=size.impacts,
              until=2.0 * math.pi * size.periods)
     done = subprocess.run([python, str(CHAINS), peer, str(job), str(out)], check=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+                          stdout=subprocess.PIPE, text=True)
     with np.load(out) as found:
         return [found[str(k)] for k in range(len(settings))], float(done.stdout)
 
@@ -194,7 +194,7 @@ def main() -> int:
     given = parser.parse_args()
     sizes = QUICK if given.quick else SIZES
     settings = drawn_settings(given.settings, given.seed)
-    bad = False
+    bad, compared = False, 0
     with tempfile.TemporaryDirectory() as name:
         for number, (peer, size) in enumerate(sizes.items(), 1):
             if peer not in given.only:
@@ -205,8 +205,11 @@ def main() -> int:
                       + ('; name a Python that has it in HEYOKA_PYTHON' if peer == 'heyoka'
                          else ''))
                 continue
+            compared += 1
             bad |= against(peer, python, settings, size, given.wrong,
                            10_000 * given.seed + 100_000 * number, Path(name))
+    if not compared and (given.wrong or given.only == (*SIZES, 'power')):
+        parser.error('nothing was compared: no peer is installed or asked for')
     if 'power' in given.only and not given.wrong:
         # What the fewest trajectories see, more see as well.
         bad |= power(settings, sizes['scipy'], 10_000 * given.seed + 500_000)

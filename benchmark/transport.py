@@ -58,12 +58,16 @@ def suite_rate(readers: int, seconds: float = SECONDS,
         node('simulator', '--ros-args', '-p', 'rate:=0.0', '-p', 'alpha:=1.244', '-p',
              f'wait_for_readers:={readers}', environment=environment),
     ]
-    while len(found) < 2 or found[-1][0] - found[1][0] < seconds:
-        rclpy.spin_once(listener, timeout_sec=0.1)
-    for process in reversed(processes):
-        process.terminate()
-        process.wait()
-    listener.destroy_node()
+    try:
+        while len(found) < 2 or found[-1][0] - found[1][0] < seconds:
+            rclpy.spin_once(listener, timeout_sec=0.1)
+            if any(process.poll() is not None for process in processes):
+                raise SystemExit('a node has ended')
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+            process.wait()
+        listener.destroy_node()
     # The first second is start-up.
     (t0, n0), (t1, n1) = found[1], found[-1]
     return (n1 - n0) / (t1 - t0), sum(lost.values())

@@ -143,9 +143,10 @@ class Page:
             self._ask(displacement=value)
             self._follow_again()
             return
-        if name == 'alpha':
-            self._alpha.value = value
         self._ask_model(dataclasses.replace(self._view.parameters, **{name: value}))
+        if name == 'alpha':
+            # It then finds nothing new in its own callback.
+            self._alpha.value = value
 
     def _type_alpha(self, attr: str, old: float | None, value: float | None) -> None:
         if value is None or value == self._view.parameters.alpha:

@@ -1,27 +1,29 @@
 """What others send to a node, made safe: a malformed request or message must not end it."""
 
 from collections.abc import Callable
+import re
 from typing import Any, Final
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+# Different reasons that are told of one topic.
+REASONS_MOST: Final = 20
 _TYPES: Final = {int(kind.value) for kind in Parameter.Type}
 
 
 def tolerant(node: Node, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Return a callback that leaves out messages it cannot understand, each reason logged once."""
-    said = ''
+    """Return a callback that leaves out what it cannot understand; the log has every reason."""
+    said: set[str] = set()
 
     def guarded(message: Any) -> None:
-        nonlocal said
         try:
             take(message)
         except Exception as error:
             reason = f'{error!r:.200}'
-            if reason != said:
-                said = reason
+            if reason not in said and len(said) < REASONS_MOST:
+                said.add(reason)
                 node.get_logger().warning(f'a message on {topic} is refused: {reason}')
     return guarded
 
@@ -66,6 +68,6 @@ def _named(request: Any, response: Any) -> Any:
         results = [response.result]
     for parameter, result in zip(given, results, strict=False):
         if isinstance(result, SetParametersResult) and not result.successful and (
-                parameter.name not in result.reason):
+                not re.search(rf'\b{re.escape(parameter.name)}\b', result.reason)):
             result.reason = f'{parameter.name[:80]}: {result.reason}'
     return response

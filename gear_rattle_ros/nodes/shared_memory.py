@@ -13,6 +13,8 @@ from ..places import config_folder
 
 # Read by Fast DDS when the first node of a process is made; the second from version 3 on.
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+# Who names transports here has chosen them.
+TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 MEMORY = Path('/dev/shm')
 # The segment of config/fastdds/stream.xml, and what is left to others at the least [bytes].
 SEGMENT = 32 << 20
@@ -21,7 +23,8 @@ SPARE = 16 << 20
 
 def make_room() -> str:
     """Ask for a segment that holds a stream, before the node is made; tell why there is none."""
-    if any(name in os.environ for name in PROFILES):
+    is_fast_dds = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps')
+    if not is_fast_dds or any(name in os.environ for name in (*PROFILES, TRANSPORTS)):
         return ''
     try:
         memory = os.statvfs(MEMORY)
@@ -31,7 +34,8 @@ def make_room() -> str:
     # DDS writes on every page at once, and dies of a page that cannot be had.
     if free < SEGMENT + SPARE:
         return (f'{MEMORY} has {free >> 20} MB free, and the stream wants {SEGMENT >> 20} MB: it '
-                'is slower with several readers; a container takes --shm-size')
+                'is slower with several readers; a container takes --shm-size, and what killed '
+                'processes have left goes by `fastdds shm clean`')
     profile = str(config_folder('fastdds') / 'stream.xml')
     os.environ.update(dict.fromkeys(PROFILES, profile))
     return ''

@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable, Mapping, Sequence
+import gc
 import signal
 import sys
 import time
@@ -20,7 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
-from rclpy.utilities import try_shutdown
+from rclpy.utilities import remove_ros_args, try_shutdown
 from sensor_msgs.msg import PointCloud2
 
 from .arguments import (
@@ -237,18 +238,19 @@ class Stop:
 def begin(ros: list[str]) -> None:
     """Begin ROS with its arguments; StartError or ValueError names one that it cannot take."""
     refuse_large_files(ros)
-    # What rcl logs when it fails says less than the line below.
-    set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
+        # What rcl logs of arguments says less than the line below.
+        level = get_logger_level('rcl')
+        set_logger_level('rcl', LoggingSeverity.FATAL)
+        try:
+            remove_ros_args(ros)
+        finally:
+            set_logger_level('rcl', level)
         rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except UnknownROSArgsError as error:
         raise StartError(f'ROS does not know the arguments {error}') from error
     except RCLError as error:
         raise StartError(explained(error)) from error
-    finally:
-        # Unless the arguments say otherwise.
-        if get_logger_level('rcl') == LoggingSeverity.FATAL:
-            set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
 def initialise(name: str, arguments: list[str] | None) -> None:
@@ -285,5 +287,8 @@ def run_node(name: str, make: Callable[[], ShellNode], arguments: list[str] | No
         if node is not None:
             node.close()
             node.destroy_node()
+        else:
+            # One that was made in part holds shared memory, which would outlive the process.
+            gc.collect()
         try_shutdown()
     return 0

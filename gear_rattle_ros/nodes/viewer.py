@@ -38,10 +38,12 @@ class Viewer(ShellNode):
         # Kernels are compiled before anything comes in.
         rebuild(np.zeros(2, EVENT), 0.1)
         self._scenes: list[Scene] = []
+        self._file: Scene | None = None
         self._window: Window | None = None
         self._lost = ''
         if save:
-            self._scenes.append(Scene(file_recording(save, colour), colour, thins=True))
+            self._file = Scene(file_recording(save, colour), colour, thins=True)
+            self._scenes.append(self._file)
             self.get_logger().info(f'draws to {save}')
         if mode != 'none':
             self._window = Window(mode, int(self.number('web_port')), colour)
@@ -92,14 +94,16 @@ class Viewer(ShellNode):
         """Draw the last and write out everything."""
         for scene in list(self._scenes):
             self._draw_scene(scene, self._document(), time.monotonic())
+        is_whole = bool(self._scenes) and self._scenes[0] is self._file
         for scene in list(self._scenes):
             self._drop(scene, '')
         if self._window is not None:
             self._window.close()
         save = str(self.values['save'])
-        if save and (reason := add_index(save)):
+        # What could not be written to its end stays as it is.
+        if is_whole and (reason := add_index(save)):
             self.get_logger().warning(
-                f'{save} is whole, but has no index; `rerun rrd optimize` adds one: {reason}')
+                f'{save} has no index; `rerun rrd optimize` adds one: {reason}')
 
     def _take(self, events: EventArray, stamp: int) -> None:
         self._waiting_since = min(self._waiting_since, time.monotonic())

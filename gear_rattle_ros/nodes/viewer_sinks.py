@@ -1,5 +1,6 @@
 """Where the viewer's recordings go: a file, a window, a web page on this machine alone."""
 
+import contextlib
 import importlib.util
 import os
 from pathlib import Path
@@ -24,7 +25,7 @@ START_LIMIT: Final = 10.0
 END_LIMIT: Final = 2.0
 # A file is given its index at the end, if it is no larger and that takes no longer [bytes], [s].
 INDEXED_MOST: Final = 1_000_000_000
-INDEXED_WITHIN: Final = 20.0
+INDEXED_WITHIN: Final = 6.0
 MODES: Final = ('auto', 'native', 'web', 'none')
 
 
@@ -59,10 +60,10 @@ def file_recording(save: str, colour: str) -> rr.RecordingStream:
 def add_index(save: str) -> str:
     """Give a finished file its index, by which rerun finds its way; tell why it has none."""
     path = Path(save)
-    if path.stat().st_size > INDEXED_MOST:
-        return f'larger than {INDEXED_MOST >> 20} MB'
     whole = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
+        if path.stat().st_size > INDEXED_MOST:
+            return f'it is larger than {INDEXED_MOST >> 20} MB'
         subprocess.run(
             _bound([_executable(), 'rrd', 'optimize', '--profile', 'live', str(path), '-o',
                     str(whole)], 'KILL'),
@@ -71,7 +72,8 @@ def add_index(save: str) -> str:
         whole.chmod(path.stat().st_mode)
         whole.replace(path)
     except (OSError, subprocess.SubprocessError, StartError) as error:
-        whole.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            whole.unlink()
         return str(error)
     return ''
 

@@ -1,6 +1,7 @@
 """The basin node as a process: pictures, attractors and shares for a stream of parameters."""
 
 from collections.abc import Callable
+import os
 from pathlib import Path
 import signal
 import time
@@ -101,7 +102,8 @@ def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin:
     basin.wait_for('ready', 120.0)
     # Sessions share the processor first, where Linux groups them.
     session = Path(f'/proc/{basin.process.pid}/autogroup')
-    assert not session.exists() or session.read_text().endswith('nice 10\n')
+    # Others than root may change it only now and then.
+    assert os.geteuid() or not session.exists() or session.read_text().endswith('nice 10\n')
     spin(clouds.get_subscription_count)
     first, second = ramp([0.48, 0.49])
     clouds.publish(cloud_from_events(first, stamp_from_nanoseconds(7)))

@@ -1,6 +1,7 @@
 """The shared memory of the stream: as large as asked for where there is room, else as it was."""
 
 from collections.abc import Callable
+import contextlib
 import os
 from pathlib import Path
 import re
@@ -19,6 +20,7 @@ from gear_rattle_ros.nodes.shared_memory import (
     PROFILES,
     SEGMENT,
     SPARE,
+    TRANSPORTS,
 )
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.places import config_folder
@@ -27,7 +29,7 @@ from gear_rattle_ros.places import config_folder
 @pytest.fixture(autouse=True)
 def no_profile(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the environment as it was, and start without a profile."""
-    for name in PROFILES:
+    for name in (*PROFILES, TRANSPORTS, 'RMW_IMPLEMENTATION'):
         monkeypatch.setenv(name, '')
         monkeypatch.delenv(name)
 
@@ -61,6 +63,27 @@ def test_the_users_profile_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     assert os.environ[PROFILES[0]] == 'mine.xml' and PROFILES[1] not in os.environ
 
 
+@pytest.mark.parametrize(('name', 'value'), [
+    (TRANSPORTS, 'UDPv4'), ('RMW_IMPLEMENTATION', 'rmw_cyclonedds_cpp')])
+def test_other_transports_stay(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
+    """Nothing is asked for, and nothing said of a memory that is not used."""
+    with_free(monkeypatch, 1)
+    monkeypatch.setenv(name, value)
+    assert make_room() == ''
+    assert not any(profile in os.environ for profile in PROFILES)
+
+
+def test_a_start_that_fails_leaves_no_segment(start: Callable) -> None:
+    """Memory that nobody uses would soon be all there is."""
+    before = set(MEMORY.glob('fastrtps_*'))
+    simulator = start('simulator', '--ros-args', '-p', 'alpha:=-5.0')
+    assert simulator.process.wait(60) == 2
+    left = {path for path in set(MEMORY.glob('fastrtps_*')) - before
+            if path.exists() and path.stat().st_size > SEGMENT}
+    # Tests beside this one have segments of their own, which somebody maps.
+    assert not left - mapped()
+
+
 def test_the_simulator_has_it(start: Callable) -> None:
     """Its process maps a segment of that size."""
     memory = os.statvfs(MEMORY)
@@ -70,6 +93,16 @@ def test_the_simulator_has_it(start: Callable) -> None:
     simulator.wait_for('ready', 120.0)
     assert max(segments(simulator.process.pid)) >= SEGMENT
     assert simulator.stop(signal.SIGINT) == 0
+
+
+def mapped() -> set[Path]:
+    """Return the segments that a process has."""
+    found: set[Path] = set()
+    for maps in Path('/proc').glob('[0-9]*/maps'):
+        with contextlib.suppress(OSError):
+            found |= {Path(line.split()[-1]) for line in maps.read_text().splitlines()
+                      if '/dev/shm/fastrtps_' in line}
+    return found
 
 
 def segments(process: int) -> list[int]:
