@@ -57,6 +57,11 @@ def refuse_large_files(ros: Sequence[str]) -> None:
                              f'{os.path.getsize(file)}')
 
 
+def can_be_read_again(ros: Sequence[str]) -> bool:
+    """Tell whether all parameter files still have what they had: a pipe gives it only once."""
+    return not any(_is_pipe(file) for file in _parameter_files(ros))
+
+
 def explained(error: Exception) -> str:
     """Return what is wrong with arguments that rcl does not take: one line, with the remedy."""
     words = _SOURCE.sub('', str(error)).replace('failed to initialize rcl: ', '')
@@ -103,6 +108,10 @@ def _parameter_files(ros: Sequence[str]) -> Iterator[str]:
             yield file
 
 
+def _is_pipe(file: str) -> bool:
+    return os.path.exists(file) and not os.path.isfile(file) and not os.path.isdir(file)
+
+
 def _sections_of(content: Any) -> Iterator[str]:
     """Yield the names of a file at which nodes may be, also those in a namespace."""
     places = [content]
@@ -123,7 +132,7 @@ def _is_nearest(name: str, section: str) -> bool:
 
 def _fault_of_file(file: str) -> str:
     """Say what is wrong with a file as text, if anything; OSError where it cannot be read."""
-    if os.path.exists(file) and not os.path.isfile(file) and not os.path.isdir(file):
+    if _is_pipe(file):
         return ''
     try:
         with open(file, 'rb') as stream:

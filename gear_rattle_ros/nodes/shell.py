@@ -25,6 +25,7 @@ from rclpy.utilities import remove_ros_args, try_shutdown
 from sensor_msgs.msg import PointCloud2
 
 from .arguments import (
+    can_be_read_again,
     explained,
     misspelt_sections,
     refuse_large_files,
@@ -239,18 +240,23 @@ def begin(ros: list[str]) -> None:
     """Begin ROS with its arguments; StartError or ValueError names one that it cannot take."""
     refuse_large_files(ros)
     try:
-        # What rcl logs of arguments says less than the line below.
-        level = get_logger_level('rcl')
-        set_logger_level('rcl', LoggingSeverity.FATAL)
-        try:
-            remove_ros_args(ros)
-        finally:
-            set_logger_level('rcl', level)
+        if can_be_read_again(ros):
+            _try_quietly(ros)
         rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except UnknownROSArgsError as error:
         raise StartError(f'ROS does not know the arguments {error}') from error
     except RCLError as error:
         raise StartError(explained(error)) from error
+
+
+def _try_quietly(ros: list[str]) -> None:
+    """Let rcl take arguments with its log shut: of one it refuses it says less than we do."""
+    level = get_logger_level('rcl')
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    try:
+        remove_ros_args(ros)
+    finally:
+        set_logger_level('rcl', level)
 
 
 def initialise(name: str, arguments: list[str] | None) -> None:

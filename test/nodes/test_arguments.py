@@ -1,5 +1,6 @@
 """What a node makes of its command line: nothing is passed over in silence."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -185,6 +186,16 @@ def test_a_large_parameter_file_is_refused_unread(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=f"'{file}' has more than 100000 bytes: 400000"):
         refuse_large_files(['--params-file', str(file)])
     refuse_large_files(['--params-file', '/dev/null', '--params-file', '/nowhere'])
+
+
+def test_a_pipe_is_read_once(start, tmp_path: Path) -> None:
+    """As a shell gives it for <(...): what it says is in force."""
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    node = start('lyapunov', '--ros-args', '--params-file', str(pipe))
+    pipe.write_text('lyapunov: {ros__parameters: {window: -1}}')
+    assert node.process.wait(60) == 2
+    assert node.text().startswith('lyapunov: window = -1 is outside')
 
 
 @pytest.mark.parametrize('arguments, words', [
