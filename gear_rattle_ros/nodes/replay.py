@@ -13,8 +13,8 @@ from rosgraph_msgs.msg import Clock
 
 from .arguments import split_arguments
 from .playing import Output, Playing, Span, WINDOW
-from .shared_memory import make_room
-from .shell import run_node, ShellNode, StartError
+from .shared_memory import StreamingNode
+from .shell import run_node, StartError
 from ..bags import Bag, BagError, Topic
 from ..messages import stamp_from_nanoseconds
 from ..parameters import REPLAY
@@ -24,14 +24,11 @@ from ..qos import CLOCK
 _NOT_UNASKED: Final = ('/diagnostics', '/parameter_events')
 
 
-class Replay(ShellNode):
+class Replay(StreamingNode):
     """Publishes a bag's topics under their recorded names and qualities of service."""
 
     def __init__(self) -> None:
-        lacking = make_room()
         super().__init__('replay', REPLAY)
-        if lacking:
-            self.get_logger().warning(lacking)
         if not self.values['bag']:
             raise StartError('no bag is given; say replay BAG, or set the parameter bag')
         try:

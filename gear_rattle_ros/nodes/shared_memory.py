@@ -6,9 +6,12 @@ gets no time for as long as eight batches take, DDS overwrites what it has not f
 it again, by which five readers on two cores come to a standstill.
 """
 
+from collections.abc import Sequence
 import os
 from pathlib import Path
 
+from .shell import ShellNode
+from ..parameters import Specification
 from ..places import config_folder
 
 # Read by Fast DDS when the first node of a process is made; the second from version 3 on.
@@ -19,6 +22,16 @@ MEMORY = Path('/dev/shm')
 # The segment of config/fastdds/stream.xml, and what is left to others at the least [bytes].
 SEGMENT = 32 << 20
 SPARE = 16 << 20
+
+
+class StreamingNode(ShellNode):
+    """A node that publishes a stream; says so where it has no room for it."""
+
+    def __init__(self, name: str, table: Sequence[Specification]) -> None:
+        lacking = make_room()
+        super().__init__(name, table)
+        if lacking:
+            self.get_logger().warning(lacking)
 
 
 def make_room() -> str:

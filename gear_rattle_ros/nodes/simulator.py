@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from .pacing import AcknowledgedPace, ClockPace
-from .shared_memory import make_room
-from .shell import run_node, ShellNode
+from .shared_memory import StreamingNode
+from .shell import run_node
 from ..core.fingerprint import fingerprint
 from ..core.model import EventArray, Parameters, State
 from ..core.simulation import Simulation
@@ -45,14 +45,11 @@ LAST_BATCHES = 0.3
 BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
 
 
-class Simulator(ShellNode):
+class Simulator(StreamingNode):
     """One trajectory, advanced in ticks; one batch of events a tick."""
 
     def __init__(self) -> None:
-        lacking = make_room()
         super().__init__('simulator', SIMULATOR)
-        if lacking:
-            self.get_logger().warning(lacking)
         values = self.values
         self._omega = self.number('omega')
         self._scale = self.number('backlash_angle')

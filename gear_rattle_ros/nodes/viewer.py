@@ -94,7 +94,7 @@ class Viewer(ShellNode):
         """Draw the last and write out everything."""
         for scene in list(self._scenes):
             self._draw_scene(scene, self._document(), time.monotonic())
-        is_whole = bool(self._scenes) and self._scenes[0] is self._file
+        is_whole = self._file in self._scenes
         for scene in list(self._scenes):
             self._drop(scene, '')
         if self._window is not None:
@@ -127,6 +127,7 @@ class Viewer(ShellNode):
             return
         status = message.status[0]
         values = {item.key: item.value for item in status.values}
+        # What is no number is refused here, before it is kept.
         float(values.get('multiplier', 0.0))
         self._transient = (status.message, values)
         for scene in self._scenes:
