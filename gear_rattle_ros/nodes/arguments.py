@@ -74,8 +74,8 @@ def explained(error: Exception) -> str:
         try:
             why = _fault_of_file(given) or why
         except OSError as error:
-            return f'parameter file {shown(given)} cannot be read: {error.strerror}'
-        return f'parameter file {shown(given)}: {" ".join(why.split())}; {FORM}'
+            return f'parameter file {given!r} cannot be read: {error.strerror}'
+        return f'parameter file {given!r}: {" ".join(why.split())}; {FORM}'
     flag = {'--param': '-p', '--remap': '-r'}.get(flag, flag)
     return f'{flag} {shown(given)} is not understood' + (
         f'; {_ALLOWED[flag]}' if flag in _ALLOWED else '')
