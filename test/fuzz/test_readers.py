@@ -1,12 +1,21 @@
 """Damaged input is refused in one line, or read; the corpus, cut and with bits flipped."""
 
+from collections.abc import Iterator
 from pathlib import Path
+import shutil
 
 from hypothesis import given, settings, strategies as st
 import pytest
-from readers import read
+from readers import folder, read
 
 CORPUS = [path.read_bytes() for path in sorted((Path(__file__).parent / 'corpus').iterdir())]
+
+
+@pytest.fixture(autouse=True, scope='module')
+def cleaned() -> Iterator[None]:
+    """Leave no files: workers of pytest-xdist end without what is registered for their exit."""
+    yield
+    shutil.rmtree(folder())
 
 
 @settings(max_examples=150, deadline=None)
