@@ -57,6 +57,7 @@ class _Source:
     def __init__(self, node: ShellNode, name: str, kind: Any, qos: QoSProfile,
                  take: Callable[['_Source', bytes, Mapping[str, Any]], None]) -> None:
         self.lost = 0
+        self.superseded = 0
         self._node = node
         self._take = take
         self._kind = kind
@@ -68,6 +69,8 @@ class _Source:
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
         # Where many publish or messages may be dropped, gaps in the counting mean nothing.
         self._is_counted = name not in _UNCOUNTED
+        # Latched, a message that is replaced before it was fetched has had its day.
+        self._is_newest_enough = qos is _LATCHED_INPUT
         self.name = self._subscription.topic_name
 
     def topic(self) -> Topic:
@@ -106,8 +109,10 @@ class _Source:
         if number is not None:
             jump = 0 if self._last is None else number - self._last - 1
             self._last = number
-            if self._is_counted and jump > 0:
-                self.lost += jump
+            if self._is_newest_enough:
+                self.superseded += max(jump, 0)
+            elif self._is_counted:
+                self.lost += max(jump, 0)
         self._take(self, data, info)
 
 
@@ -138,7 +143,8 @@ class Recorder(ShellNode):
             'messages': recording.messages,
             'impacts': recording.impacts,
             **self._holes.counts(),
-            'messages_lost': self._lost(),
+            'messages_lost': sum(self._lost().values()),
+            'messages_superseded': self._superseded(),
             'messages_garbled': self._garbled,
             'bytes': recording.size,
             'backlog_bytes': recording.backlog,
@@ -148,9 +154,12 @@ class Recorder(ShellNode):
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
         level, message = self._holes.status()
-        if level == 'ok' and (self._lost() or self._garbled):
-            return 'warn', 'something was lost before it came here', values
-        return level, message if level != 'ok' else 'recording', values
+        if level == 'ok':
+            odd = [f'{number} messages of {name} lost on the way'
+                   for name, number in self._lost().items()]
+            odd += [f'{self._garbled} messages garbled'] if self._garbled else []
+            level, message = ('warn', ', '.join(odd)) if odd else ('ok', 'recording')
+        return level, message, values
 
     def close(self) -> None:
         """Write what has arrived, end the bag and say what is in it."""
@@ -163,15 +172,21 @@ class Recorder(ShellNode):
         self._watch()
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
-        lost = f', {self._lost()} messages lost on the way' if self._lost() else ''
-        lost += f', {self._garbled} garbled' if self._garbled else ''
-        odd = f', {recording.unreadable} batches unreadable' if recording.unreadable else ''
+        odd = ''.join(
+            f', {number} messages of {name} lost on the way'
+            for name, number in self._lost().items())
+        odd += f', {self._superseded()} superseded' if self._superseded() else ''
+        odd += f', {self._garbled} garbled' if self._garbled else ''
+        odd += f', {recording.unreadable} batches unreadable' if recording.unreadable else ''
         print(f'recorded {recording.impacts} impacts in {recording.messages} messages, '
-              f'{recording.guard.lost} lost ({recording.guard.gaps} gaps){lost}{odd}, '
+              f'{recording.guard.lost} lost ({recording.guard.gaps} gaps){odd}, '
               f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
 
-    def _lost(self) -> int:
-        return sum(source.lost for source in self._sources)
+    def _lost(self) -> dict[str, int]:
+        return {source.name: source.lost for source in self._sources if source.lost}
+
+    def _superseded(self) -> int:
+        return sum(source.superseded for source in self._sources)
 
     def _make_writer(self) -> BagWriter:
         compression = str(self.values['compression'])

@@ -10,7 +10,7 @@ import time
 
 from bag_maker import story, TYPES
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 from rclpy.duration import Duration
@@ -23,7 +23,7 @@ from gear_rattle_ros.bags import Bag
 from gear_rattle_ros.core.model import EventArray
 from gear_rattle_ros.messages import cloud_from_events, diagnostic_array, named_values
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
-from gear_rattle_ros.qos import CLOCK, LATCHED, STREAM
+from gear_rattle_ros.qos import CLOCK, LATCHED, STREAM, STREAM_DEPTH
 
 # A wait for acknowledgements that is far beyond what DDS takes for them.
 ENOUGH = Duration(seconds=15)
@@ -179,6 +179,53 @@ def test_gaps_and_late_publishers_are_reported(
                   for connection, _, data in reader.messages() if connection.topic == '/impacts']
     assert widths[0] == 3
     assert sum(widths[1:]) == len(events) - 121
+
+
+def test_what_was_lost_is_told_and_what_was_superseded_is_none(
+        record, rclpy_node, spin, tmp_path: Path) -> None:
+    """Of what is latched the newest is enough; of the other topics every message counts."""
+    latched = rclpy_node.create_publisher(DiagnosticArray, 'transient', LATCHED)
+    states = rclpy_node.create_publisher(JointState, 'joint_states', STREAM)
+    said: list[DiagnosticArray] = []
+    rclpy_node.create_subscription(DiagnosticArray, '/diagnostics', said.append, 10)
+    process = record()
+    matched(spin, latched, states)
+    sent = {latched: 50, states: 3 * STREAM_DEPTH}
+
+    def publish(publisher, number: int) -> None:
+        publisher.publish(diagnostic_array('state', '', 'ok', '', {}, Time(sec=number))
+                          if publisher is latched else named_values({}, Time(sec=number)))
+
+    for publisher in sent:
+        publish(publisher, 0)
+        assert publisher.wait_for_all_acked(ENOUGH)
+    os.kill(process.process.pid, signal.SIGSTOP)
+    for publisher, count in sent.items():
+        for number in range(1, count):
+            publish(publisher, number)
+    os.kill(process.process.pid, signal.SIGCONT)
+    assert latched.wait_for_all_acked(ENOUGH)
+    assert states.wait_for_all_acked(ENOUGH)
+
+    def warned() -> list[str]:
+        return [status.message for message in said for status in message.status
+                if status.name.startswith('recorder') and status.level != DiagnosticStatus.OK]
+
+    spin(warned)
+    assert process.stop() == 0
+    with AnyReader([tmp_path / 'bag']) as reader:
+        stamps = {
+            topic: [reader.deserialize(data, connection.msgtype).header.stamp.sec
+                    for connection, _, data in reader.messages() if connection.topic == topic]
+            for topic in ('/transient', '/joint_states')}
+    lost = 3 * STREAM_DEPTH - len(stamps['/joint_states'])
+    superseded = 50 - len(stamps['/transient'])
+    assert 0 < lost < 3 * STREAM_DEPTH - 1
+    assert superseded > 0
+    assert stamps['/transient'][-1] == 49
+    words = 'messages of /joint_states lost on the way'
+    assert re.fullmatch(rf'\d+ {words}', warned()[-1])
+    assert f', {lost} {words}, {superseded} superseded, ' in closing_line(process)
 
 
 def test_a_full_disk_ends_the_bag_and_not_the_node(record, impacts, spin, tmp_path: Path) -> None:
