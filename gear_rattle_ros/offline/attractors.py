@@ -14,7 +14,8 @@ from . import cli, options
 from .grid import Plane
 from .layout import Layout
 from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
-from .store import make_store, Store
+from .store import Store
+from .store_making import make_store
 from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
 from ..core.elementary import TWO_PI
 from ..core.model import Parameters

@@ -64,9 +64,7 @@ def require_attributes(path: Path) -> None:
     """
     for place in (path, *(path / name for name in variables_of(path))):
         found = read_document(place / '.zattrs')
-        # The first stores had none of the texts of a grid.
-        if found.get(CHECKSUM, None if place == path else attributes_checksum(found)) != (
-                attributes_checksum(found)):
+        if found.get(CHECKSUM) != attributes_checksum(found):
             raise StoreError(f'{place}/.zattrs is damaged: its checksum is that of other '
                              f'attributes; {ELSE}')
 

@@ -14,7 +14,8 @@ from .ensembles import orbit_of, run_ensemble, Window
 from .escape_rates import escape_rate, EscapeRate
 from .grid import make_starts, Plane
 from .layout import Axis, Layout, Variable
-from .store import make_store, Store
+from .store import Store
+from .store_making import make_store
 from .tangency import Tangency
 from ..core.escape import CAPTURED, last_until_captured, STEPS, SURVIVED, UNUSED
 from ..core.lanes import new_impacts, new_tiles

@@ -12,7 +12,8 @@ from .engine import run_tiles
 from .grid import Plane, StartArray
 from .layout import Axis, Layout, Variable
 from .search import BATCH
-from .store import make_store, Store
+from .store import Store
+from .store_making import make_store
 from ..core.growth import grow, STEPS
 from ..core.lanes import new_impacts, new_tiles
 from ..core.model import Parameters

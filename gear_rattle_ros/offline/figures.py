@@ -21,7 +21,7 @@ from typing import Final
 
 from .cli import attempt, INTERRUPTED, PACKAGE
 from .options import Parser
-from .store import versions
+from .store_making import versions
 from ..places import config_folder
 from ..plain_yaml import read_yaml
 

@@ -11,7 +11,7 @@ import zarr
 
 from .checksums import attributes_checksum, CHECKSUM, table_checksum
 from .documents import CHECKSUMS, COMPRESSOR, DIMENSIONS, DONE, ELSE, shortened, StoreError
-from .layout import Variable
+from .layout import Axis, Variable
 
 OF_ZARR_2: Final = zarr.__version__.startswith('2.')
 
@@ -110,6 +110,24 @@ def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[A
     if values.size:
         group[variable.name][...] = values
     group[variable.name].attrs.update({CHECKSUM: table_checksum(path / variable.name)})
+
+
+def write_axis(path: Path, group: Any, axis: Axis) -> None:
+    """
+    Make the array of an axis.
+
+    Parameters
+    ----------
+    path : Path
+        Directory of the group.
+    group : zarr.Group
+        Receives it.
+    axis : Axis
+        All of it.
+
+    """
+    write_array(path, group, Variable(axis.name, (axis.name,), '', axis.attributes),
+                np.asarray(axis.values))
 
 
 def set_attributes(group: Any, attributes: Mapping[str, Any]) -> None:

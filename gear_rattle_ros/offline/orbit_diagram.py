@@ -24,7 +24,8 @@ from .options import (
     plane_of,
     whole,
 )
-from .store import make_store, Store
+from .store import Store
+from .store_making import make_store
 from .tracks import track
 from ..core.lanes import START
 from ..core.lanes_step import LANES

@@ -12,7 +12,8 @@ from .ensembles import orbit_of, SAME
 from .grid import Plane, TWO_PI
 from .layout import Axis, Layout, Variable
 from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
-from .store import make_store, Store
+from .store import Store
+from .store_making import make_store
 from ..core.closed_orbits import PeriodicOrbit, same_orbit
 from ..core.model import Parameters
 from ..core.recorded import record_impacts

@@ -9,15 +9,9 @@ arrays and the attributes have theirs in an attribute.
 """
 
 from collections.abc import Mapping
-import datetime
 import functools
-import importlib.metadata
-import json
 from pathlib import Path
-import platform
-import shutil
-import sys
-from typing import Any, Final, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,21 +20,17 @@ from . import checksums, documents
 from .documents import CHECKSUMS, DIMENSIONS, DONE, ELSE, StoreError as StoreError
 from .groups import (
     consolidate,
-    make_array,
-    new_group,
     OF_ZARR_2,
     open_group,
     reading,
     set_attributes,
     write_array,
+    write_axis,
 )
-from .layout import Axis, Layout, Variable
+from .layout import Layout, Variable
 
 if TYPE_CHECKING:
     import xarray
-
-IDENTITY: Final = 'identity'
-PACKAGE: Final = 'gear_rattle_ros'
 
 
 class Store:
@@ -281,7 +271,7 @@ class Store:
         for axis in layout.axes:
             if not self.has_table(axis.name):
                 found.append(f'{axis.name} is not as it was written; it is written anew')
-                _write_axis(self.path, self._group, axis)
+                write_axis(self.path, self._group, axis)
             elif not np.array_equal(self.read_all(axis.name), axis.values):
                 raise StoreError(f'{self.path} was made with other values of {axis.name}; {ELSE}')
         laid_out = {DONE, CHECKSUMS, *(axis.name for axis in layout.axes), *self._variables}
@@ -323,59 +313,6 @@ class Store:
     def _place(self, array: Any, tile: int) -> tuple[slice, ...]:
         region = self.tiles[tile]
         return tuple(region.get(name, slice(None)) for name in array.attrs[DIMENSIONS])
-
-
-def make_store(path: Path, layout: Layout, command: str, *, resume: bool = False) -> Store:
-    """
-    Make a store, or open the one that is to be continued.
-
-    Parameters
-    ----------
-    path : Path
-        Its directory.
-    layout : Layout
-        What it consists of.
-    command : str
-        The command line, kept as an attribute.
-    resume : bool
-        Whether a store that exists may be continued; then it must be the same result.
-
-    Returns
-    -------
-    Store
-        Ready to be written to.
-
-    Raises
-    ------
-    StoreError
-        If there is something else, or it cannot be written.
-
-    """
-    path = Path(path)
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        if not resume:
-            raise StoreError(f'{path} exists; add --resume to go on with it, or choose another '
-                             '--output')
-        return _continued(path, layout)
-    # A store half made must never be taken for one: it appears complete, by renaming.
-    fresh = path.with_name(f'.{path.name}.new')
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Never through a link, and only into a directory that is made here.
-        if fresh.is_symlink() or fresh.is_file():
-            fresh.unlink()
-        shutil.rmtree(fresh, ignore_errors=True)
-        fresh.mkdir()
-        if path.is_dir():
-            path.rmdir()
-        group = new_group(fresh)
-        _fill(fresh, group, layout, command)
-        consolidate(fresh)
-        fresh.rename(path)
-    except OSError as error:
-        raise StoreError(f'{path} cannot be written: {error.strerror or error}; choose another '
-                         '--output') from error
-    return Store(path)
 
 
 def open_dataset(path: Path | str) -> 'xarray.Dataset':
@@ -429,97 +366,3 @@ def require_whole(path: Path) -> None:
         raise StoreError(f'{path}: {len(store.pending())} of {len(store.tiles)} tiles are not '
                          'done; go on with --resume')
     checksums.require_whole(path, store.marked())
-
-
-def versions() -> dict[str, str]:
-    """
-    Tell what computes here.
-
-    Returns
-    -------
-    dict
-        Version of Python and of the packages that decide over the numbers.
-
-    """
-    found = {'python': platform.python_version()}
-    for name in ('gear_rattle_ros', 'numpy', 'numba', 'zarr'):
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
-
-
-def _fill(path: Path, group: Any, layout: Layout, command: str) -> None:
-    set_attributes(group, {
-        **layout.identity,
-        **layout.attributes,
-        IDENTITY: json.dumps(layout.identity, sort_keys=True),
-        'command': command,
-        'created': datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
-        'versions': json.dumps(versions()),
-    })
-    sizes = {axis.name: len(axis.values) for axis in layout.axes}
-    steps = {axis.name: min(axis.tile, len(axis.values)) for axis in layout.axes if axis.tile}
-    for axis in layout.axes:
-        _write_axis(path, group, axis)
-    for variable in layout.variables:
-        shape = tuple(sizes[name] for name in variable.dimensions)
-        chunks = tuple(steps.get(name, sizes[name]) for name in variable.dimensions)
-        make_array(group, variable, shape, chunks)
-    # A list: some versions of zarr sort the keys of what is in an attribute.
-    tiles = [[name, sizes[name], step] for name, step in steps.items()]
-    count = int(np.prod([-(-sizes[name] // step) for name, step in steps.items()]))
-    make_array(group, Variable(DONE, ('tile',), '|u1', {
-        'long_name': 'tile is complete', 'tiles': tiles,
-        'variables': [variable.name for variable in layout.variables]}), (count,), (count,))
-    make_array(group, Variable(CHECKSUMS, ('tile',), '<u4', {
-        'long_name': 'CRC-32 of the chunks of a tile that is complete'}), (count,), (count,))
-
-
-def _write_axis(path: Path, group: Any, axis: Axis) -> None:
-    write_array(path, group, Variable(axis.name, (axis.name,), '', axis.attributes),
-                np.asarray(axis.values))
-
-
-def _continued(path: Path, layout: Layout) -> Store:
-    store = Store(path)
-    documents.require_plain_files(path)
-    checksums.require_attributes(path)
-    _require_identity(path, store.attributes, layout)
-    for what in store.repair(layout):
-        print(f'{layout.identity.get("tool", PACKAGE)}: {path}: {what}', file=sys.stderr)
-    _require_version(path, store)
-    # What Ctrl-C or a damage has left behind; nothing is written where nothing has to be.
-    if not documents.is_consolidated(path):
-        consolidate(path)
-    return store
-
-
-def _require_identity(path: Path, attributes: Mapping[str, Any], layout: Layout) -> None:
-    try:
-        theirs = json.loads(attributes[IDENTITY])
-        if not isinstance(theirs, dict):
-            raise ValueError
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise StoreError(f'{path} is no store of this package; {ELSE}') from error
-    ours = json.loads(json.dumps(layout.identity))
-    for name in sorted({*theirs, *ours}):
-        if theirs.get(name) != ours.get(name):
-            raise StoreError(
-                f'{path} was made with {name} = {documents.shortened(theirs.get(name))}, not '
-                f'{documents.shortened(ours.get(name))}; {ELSE}')
-
-
-def _require_version(path: Path, store: Store) -> None:
-    """Refuse to go on where tiles of another version could differ from those that are there."""
-    here, pending = versions().get(PACKAGE), store.pending()
-    if not pending or len(pending) == len(store.tiles):
-        return
-    try:
-        there = json.loads(store.attributes['versions'])[PACKAGE]
-    except (KeyError, TypeError, ValueError, RecursionError):
-        there = None
-    if there != here:
-        raise StoreError(f'{path} was begun by version {documents.shortened(there)}, this is '
-                         f'{here!r}: its tiles may differ; {ELSE}')

@@ -14,7 +14,8 @@ from .engine import run_tiles
 from .grid import Plane
 from .layout import Axis, Layout, Variable
 from .search import Catalogue, orbits_among, settle_here, STAGES
-from .store import make_store, Store
+from .store import Store
+from .store_making import make_store
 from ..core.classify import RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
 from ..core.periodic import Orbit

@@ -25,7 +25,7 @@ from gear_rattle_ros.offline.documents import (
     tiles_of,
 )
 from gear_rattle_ros.offline.layout import Axis, Layout, Variable
-from gear_rattle_ros.offline.store import make_store
+from gear_rattle_ros.offline.store_making import make_store
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),

@@ -25,7 +25,8 @@ from gear_rattle_ros.offline import pictures
 from gear_rattle_ros.offline.basins import magnifications
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
-from gear_rattle_ros.offline.store import make_store, open_dataset
+from gear_rattle_ros.offline.store import open_dataset
+from gear_rattle_ros.offline.store_making import make_store
 
 PLANE = Plane(phases=48, velocities=40)
 

@@ -18,10 +18,11 @@ from gear_rattle_ros.offline import (
     lifetimes,
     orbit_diagram,
     section,
-    store as stores,
+    store_making,
 )
 from gear_rattle_ros.offline.layout import Axis, Layout, Variable
-from gear_rattle_ros.offline.store import make_store, open_dataset, Store, StoreError
+from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
+from gear_rattle_ros.offline.store_making import make_store
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
@@ -284,7 +285,7 @@ def test_another_store_is_refused(copy):
 
 def test_another_version_goes_on_with_nothing_half_done(copy, monkeypatch):
     """A complete store is read by any version; one with tiles to do by its own only."""
-    monkeypatch.setattr(stores, 'versions', lambda: {'gear_rattle_ros': '9.9'})
+    monkeypatch.setattr(store_making, 'versions', lambda: {'gear_rattle_ros': '9.9'})
     assert judge(copy) == ''
     make_store(copy, LAYOUT, 'command', resume=True).mark(4, done=False)
     with pytest.raises(StoreError, match="begun by version '.*', this is '9.9'.*another --output"):

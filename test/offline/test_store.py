@@ -8,7 +8,8 @@ import pytest
 import zarr
 
 from gear_rattle_ros.offline.layout import Axis, Layout, Variable
-from gear_rattle_ros.offline.store import make_store, open_dataset, Store, StoreError
+from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
+from gear_rattle_ros.offline.store_making import make_store
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
