@@ -130,13 +130,14 @@ def test_slider_changes_alpha_and_colours_stay(tab: Tab) -> None:
     for _ in range(15):
         handle.press('ArrowRight')
     tab.wait("Bokeh.documents[0].get_model_by_name('exact_alpha').value == 0.495")
-    tab.wait_for_cells(400)
+    names = ('orbit-2-1-U5.49', 'orbit-3-1-U4.1', 'orbit-3-1-U5.1')
+    # Before it the pictures of the steps in between are shown.
+    tab.wait(f"""{list(names)}.every((name) => Bokeh.documents[0].get_model_by_name(
+        'legend').text.includes(name))""")
     legend = tab.get('legend', 'text')
-    found = [(colour, words) for colour in HUES for words in ('orbit-2-1-U5.49', 'orbit-3-1-U4.1',
-                                                              'orbit-3-1-U5.1')
-             if f'background:{colour}"></span> {words}' in legend]
-    assert found == [(HUES[0], 'orbit-2-1-U5.49'), (HUES[1], 'orbit-3-1-U4.1'),
-                     (HUES[2], 'orbit-3-1-U5.1')]
+    found = [(colour, name) for colour in HUES for name in names
+             if f'background:{colour}"></span> {name}' in legend]
+    assert found == list(zip(HUES, names, strict=False))
 
 
 def test_click_shows_the_trajectory(tab: Tab) -> None:
