@@ -32,6 +32,8 @@ LOWER = 2
 # A flight without an impact is continued from a fresh start after this many drive periods.
 LEG_PERIODS = 64
 LEG = LEG_PERIODS * TWO_PI
+# Far more than rounding moves a displacement within a leg between the walls [1].
+CLEARANCE = 1e-9
 
 
 @kernel
@@ -96,6 +98,37 @@ def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
     decay, integral, second = relaxation(LEG, beta)
     moved = (v0 - alpha * cos_p) * integral + gamma * second
     return moved, v0 * decay + (gamma + alpha * beta * cos_p) * integral
+
+
+@kernel
+def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, beta: float,
+                gamma: float) -> bool:
+    """
+    Tell whether a leg cannot come near a wall, from bounds on each term of the closed form.
+
+    Parameters
+    ----------
+    sin_p, cos_p : float
+        Of the phase at which the leg begins [1].
+    s0, v0 : float
+        Displacement and velocity at its beginning [1].
+    alpha, beta, gamma : float
+        Parameters [1].
+
+    Returns
+    -------
+    bool
+        True if it cannot; a leg without an impact may be near enough to make it False.
+
+    """
+    _, integral, second = relaxation(LEG, beta)
+    # s(d) = s0 - alpha sin p + alpha sin(p + d) + (v0 - alpha cos p) B(d) + gamma C(d).
+    middle = s0 - alpha * sin_p
+    drift = (v0 - alpha * cos_p) * integral
+    fall = gamma * second
+    high = middle + alpha + max(drift, 0.0) + max(fall, 0.0)
+    low = middle - alpha + min(drift, 0.0) + min(fall, 0.0)
+    return high < -CLEARANCE and low > CLEARANCE - 1.0
 
 
 @kernel

@@ -23,6 +23,7 @@ from .flight import (
     rebound,
     release_delay,
     RESTING,
+    stays_clear,
     UPPER,
 )
 from .model import EVENT, EventArray, EventKind, Parameters, require_finite, State
@@ -172,13 +173,16 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
         if t.wall == NO_WALL:
             if t.searched < LEG or left < LEG:
                 break
-            cosine = sine_cosine(t.phase)[1]
+            sine, cosine = sine_cosine(t.phase)
             moved, velocity = displace_leg(cosine, t.velocity, t.alpha, t.beta, t.gamma)
             t.displacement = min(max(t.displacement + moved, -1.0), 0.0)
             t.velocity = velocity
             t.cycle += LEG_PERIODS
-            t.searched = 0.0
             t.effort = 0
+            # Free motion may go on for ever: legs that need no search take a thousandth.
+            is_clear = stays_clear(sine, cosine, t.displacement, t.velocity, t.alpha, t.beta,
+                                   t.gamma)
+            t.searched = LEG if is_clear else 0.0
             continue
         if t.searched > left:
             break

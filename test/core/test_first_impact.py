@@ -20,7 +20,7 @@ from gear_rattle_ros.core.first_impact import (
     search_impact,
     STRETCH,
 )
-from gear_rattle_ros.core.flight import LEG, NO_WALL, UPPER
+from gear_rattle_ros.core.flight import LEG, NO_WALL, stays_clear, UPPER
 
 EPS = 2.0**-52
 Array = np.ndarray[Any, Any]
@@ -172,6 +172,32 @@ def test_bisection_alone_finds_the_impacts_of_the_search() -> None:
     size = 1.0 + starts[hit, 3] + np.abs(starts[hit, 5]) + np.abs(starts[hit, 2])
     speed = np.abs(searched[hit, 1])
     assert np.all(late * speed < 1e3 * EPS * size * (1.0 + d[hit]))
+
+
+@numba.njit
+def which_are_clear(starts, found):  # type: ignore[no-untyped-def]
+    """Write which legs cannot come near a wall."""
+    for i in range(len(starts)):
+        phase, s, v, alpha, beta, gamma = starts[i]
+        found[i] = stays_clear(math.sin(phase), math.cos(phase), s, v, alpha, beta, gamma)
+
+
+def test_no_leg_that_is_clear_of_the_walls_has_an_impact() -> None:
+    """None by bisection, of 50,000; and most legs without an impact are clear of them."""
+    rng = np.random.default_rng(6)
+    starts = random_starts(6, 50_000)
+    # Near the oscillation between the walls, where legs without an impact are.
+    starts[:, 3] = 0.6 * rng.random(len(starts))
+    starts[:, 4] *= rng.random(len(starts)) < 0.5
+    starts[:, 5] *= 1e-6
+    starts[:, 2] = starts[:, 3] * np.cos(starts[:, 0]) + starts[:, 2] * 1e-4
+    clear, bisected = np.zeros(len(starts), bool), np.zeros((len(starts), 6))
+    which_are_clear(starts, clear)
+    by_bisection(starts, bisected)
+    without = bisected[:, 2] == NO_WALL
+    assert np.count_nonzero(clear) > 5000
+    assert not np.any(clear & ~without)
+    assert np.count_nonzero(clear) > 0.8 * np.count_nonzero(without)
 
 
 def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:

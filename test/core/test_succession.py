@@ -112,6 +112,18 @@ def test_the_lowest_bit_of_any_number_is_missed(noise: float) -> None:
                 assert named or name in ('kind', 'cycle'), (name, found)
 
 
+def test_a_high_bit_of_a_cycle_is_missed_in_a_run_without_impacts() -> None:
+    """The flight of 2^30 periods that it would be is followed to its end."""
+    s = Simulation(Parameters(0.2, 0.1, 0.0), State(velocity=0.2, displacement=-0.6))
+    batches = [s.advance(100, 1.0, 10), s.retune(Parameters(0.21, 0.1, 0.0)),
+               s.advance(200, 2.0, 10), s.retune(Parameters(0.2, 0.1, 0.0))]
+    events = np.concatenate(batches)
+    assert list(events['kind']) == [EventKind.RESET, EventKind.RETUNE, EventKind.RETUNE]
+    assert joined(Succession(), [events]) is None
+    events['cycle'][1] ^= np.uint32(2**30)
+    assert joined(Succession(), [events]) is not None
+
+
 def test_missing_batches_are_holes_with_their_numbers() -> None:
     """What is lost is told by index and epoch, and is no contradiction."""
     batches = story()
