@@ -6,7 +6,8 @@ import dataclasses
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
-from .shell import EventInput, HoleLog, run_node, ShellNode
+from .dds_room import ReadingNode
+from .shell import EventInput, HoleLog, run_node
 from ..core.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.model import EventArray, Parameters, State
 from ..core.report_values import lyapunov_values
@@ -19,7 +20,7 @@ from ..qos import STREAM
 LAST_WORD = 0.2
 
 
-class Lyapunov(ShellNode):
+class Lyapunov(ReadingNode):
     """Feeds the stream to a RunningLyapunov and publishes its estimate at a steady rate."""
 
     def __init__(self) -> None:

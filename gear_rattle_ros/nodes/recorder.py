@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
+from .dds_room import ReadingNode
 from .recording import Received, Recording
 from .shell import HoleLog, run_node, ShellNode, StartError
 from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
@@ -116,7 +117,7 @@ class _Source:
         self._take(self, data, info)
 
 
-class Recorder(ShellNode):
+class Recorder(ReadingNode):
     """Records the topics of the suite in its namespace, and /diagnostics and the like."""
 
     def __init__(self) -> None:

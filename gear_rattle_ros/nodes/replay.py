@@ -12,8 +12,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 
 from .arguments import split_arguments
+from .dds_room import StreamingNode
 from .playing import Output, Playing, Span, WINDOW
-from .shared_memory import StreamingNode
 from .shell import run_node, StartError
 from ..bags import Bag, BagError, Topic
 from ..messages import stamp_from_nanoseconds

@@ -13,8 +13,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
+from .dds_room import StreamingNode
 from .pacing import AcknowledgedPace, ClockPace
-from .shared_memory import StreamingNode
 from .shell import run_node
 from ..core.fingerprint import fingerprint
 from ..core.model import EventArray, Parameters, State

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from .shell import EventInput, HoleLog, run_node, ShellNode
+from .dds_room import ReadingNode
+from .shell import EventInput, HoleLog, run_node
 from ..core.model import EventArray, Parameters, State
 from ..core.orbits import Regime, TransientDetector
 from ..core.report_values import transient_values
@@ -14,7 +15,7 @@ from ..parameters import TRANSIENTS
 from ..qos import LATCHED
 
 
-class Transients(ShellNode):
+class Transients(ReadingNode):
     """Feeds the stream to a TransientDetector and publishes every change."""
 
     def __init__(self) -> None:

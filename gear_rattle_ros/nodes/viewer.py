@@ -9,8 +9,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
+from .dds_room import ReadingNode
 from .services import tolerant
-from .shell import EventInput, HoleLog, run_node, ShellNode, StartError
+from .shell import EventInput, HoleLog, run_node, StartError
 from .viewer_basin import BasinInput, BasinPicture
 from .viewer_recent import Recent
 from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
@@ -26,7 +27,7 @@ SHOWN = ('lambda_1', 'lambda_1_error', 'lambda_2', 'lambda_2_error', 'sum', 'exa
          'index')
 
 
-class Viewer(ShellNode):
+class Viewer(ReadingNode):
     """Collects what comes in and draws the newest of it a few times a second."""
 
     def __init__(self) -> None:

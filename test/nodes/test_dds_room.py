@@ -1,4 +1,4 @@
-"""The shared memory of the stream: as large as asked for where there is room, else as it was."""
+"""Room for the stream: in shared memory where there is some, and a bounded one in its readers."""
 
 from collections.abc import Callable
 import contextlib
@@ -6,15 +6,19 @@ import os
 from pathlib import Path
 import re
 import signal
+import subprocess
+import sys
 import types
 import xml.etree.ElementTree
 
 import pytest
+from rclpy.duration import Duration
+from std_msgs.msg import UInt32
 
 from gear_rattle_ros.core.points import POINT
-from gear_rattle_ros.nodes import shared_memory
-from gear_rattle_ros.nodes.pacing import WINDOW
-from gear_rattle_ros.nodes.shared_memory import (
+from gear_rattle_ros.nodes import dds_room
+from gear_rattle_ros.nodes.dds_room import (
+    bound_backlog,
     make_room,
     MEMORY,
     PROFILES,
@@ -22,8 +26,29 @@ from gear_rattle_ros.nodes.shared_memory import (
     SPARE,
     TRANSPORTS,
 )
+from gear_rattle_ros.nodes.pacing import WINDOW
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.places import config_folder
+from gear_rattle_ros.qos import STREAM, STREAM_DEPTH
+
+# Reads with the profile of the package's nodes, nothing until told, and then says what has come.
+READER = """
+import sys
+import rclpy
+from std_msgs.msg import UInt32
+from gear_rattle_ros.nodes.dds_room import bound_backlog
+from gear_rattle_ros.qos import STREAM_INPUT
+bound_backlog()
+rclpy.init()
+node = rclpy.create_node('slow')
+found = []
+take = lambda message: found.append(message.data)
+node.create_subscription(UInt32, 'numbers', take, STREAM_INPUT)
+sys.stdin.readline()
+while not found or found[-1] != int(sys.argv[1]):
+    rclpy.spin_once(node, timeout_sec=0.1)
+print(found == list(range(1, found[-1] + 1)), flush=True)
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +61,7 @@ def no_profile(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def with_free(monkeypatch: pytest.MonkeyPatch, megabytes: int) -> None:
     """Let the shared memory have so much free."""
-    monkeypatch.setattr(shared_memory.os, 'statvfs', lambda path: types.SimpleNamespace(
+    monkeypatch.setattr(dds_room.os, 'statvfs', lambda path: types.SimpleNamespace(
         f_bavail=megabytes << 8, f_frsize=4096))
 
 
@@ -71,6 +96,39 @@ def test_other_transports_stay(monkeypatch: pytest.MonkeyPatch, name: str, value
     monkeypatch.setenv(name, value)
     assert make_room() == ''
     assert not any(profile in os.environ for profile in PROFILES)
+
+
+def test_a_reader_that_is_full_refuses_and_loses_nothing(rclpy_node, spin: Callable) -> None:
+    """Beyond the depth of the publisher it acknowledges no more until it has taken some."""
+    root = xml.etree.ElementTree.parse(config_folder('fastdds') / 'readers.xml').getroot()
+    (most,) = (each.text for each in root.iter() if each.tag.endswith('max_samples'))
+    assert most is not None and int(most) == STREAM_DEPTH
+    publisher = rclpy_node.create_publisher(UInt32, 'numbers', STREAM)
+    count = STREAM_DEPTH + STREAM_DEPTH // 2
+    with subprocess.Popen([sys.executable, '-c', READER, str(count)], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, text=True) as reader:
+        spin(publisher.get_subscription_count)
+        for number in range(1, STREAM_DEPTH + 1):
+            publisher.publish(UInt32(data=number))
+            if number % WINDOW == 0:
+                assert publisher.wait_for_all_acked(Duration(seconds=15))
+        assert publisher.wait_for_all_acked(Duration(seconds=15))
+        for number in range(STREAM_DEPTH + 1, count + 1):
+            publisher.publish(UInt32(data=number))
+        assert not publisher.wait_for_all_acked(Duration(seconds=2))
+        out, _ = reader.communicate('go on\n', 60)
+    assert out == 'True\n'
+
+
+@pytest.mark.parametrize('user', [True, False])
+def test_the_users_profile_stays_for_readers(monkeypatch: pytest.MonkeyPatch, user: bool) -> None:
+    """Who has configured DDS has done so; who has named transports has not configured readers."""
+    monkeypatch.setenv(TRANSPORTS, 'UDPv4')
+    if user:
+        monkeypatch.setenv(PROFILES[1], 'mine.xml')
+    bound_backlog()
+    assert [Path(os.environ.get(name, '')).name for name in PROFILES] == (
+        ['', 'mine.xml'] if user else ['readers.xml', 'readers.xml'])
 
 
 def test_a_start_that_fails_leaves_no_segment(start: Callable) -> None:

@@ -1,9 +1,10 @@
 """
-Room for the stream in the shared memory by which Fast DDS hands it to readers of this machine.
+Room for the stream in Fast DDS: in the shared memory of this machine, and in its readers.
 
 The segment of 512 KB that a publisher has by default holds eight batches. When a reader's thread
 gets no time for as long as eight batches take, DDS overwrites what it has not fetched and sends
-it again, by which five readers on two cores come to a standstill.
+it again, by which five readers on two cores come to a standstill. A reader that keeps all has
+room for 5000 batches, and never gives back the memory of those that once had to wait.
 """
 
 from collections.abc import Sequence
@@ -34,10 +35,17 @@ class StreamingNode(ShellNode):
             self.get_logger().warning(lacking)
 
 
+class ReadingNode(ShellNode):
+    """A node that reads a stream and keeps all of it that has to wait."""
+
+    def __init__(self, name: str, table: Sequence[Specification]) -> None:
+        bound_backlog()
+        super().__init__(name, table)
+
+
 def make_room() -> str:
     """Ask for a segment that holds a stream, before the node is made; tell why there is none."""
-    is_fast_dds = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps')
-    if not is_fast_dds or any(name in os.environ for name in (*PROFILES, TRANSPORTS)):
+    if not _is_ours() or TRANSPORTS in os.environ:
         return ''
     try:
         memory = os.statvfs(MEMORY)
@@ -49,6 +57,20 @@ def make_room() -> str:
         return (f'{MEMORY} has {free >> 20} MB free, and the stream wants {SEGMENT >> 20} MB: it '
                 'is slower with several readers; a container takes --shm-size, and what killed '
                 'processes have left goes by `fastdds shm clean`')
-    profile = str(config_folder('fastdds') / 'stream.xml')
-    os.environ.update(dict.fromkeys(PROFILES, profile))
+    _use('stream.xml')
     return ''
+
+
+def bound_backlog() -> None:
+    """Ask for readers that hold fewer batches, before the node is made."""
+    if _is_ours():
+        _use('readers.xml')
+
+
+def _is_ours() -> bool:
+    is_fast_dds = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps')
+    return is_fast_dds and not any(name in os.environ for name in PROFILES)
+
+
+def _use(profile: str) -> None:
+    os.environ.update(dict.fromkeys(PROFILES, str(config_folder('fastdds') / profile)))
