@@ -1,6 +1,8 @@
 """Real processes on real DDS, each test in a ROS domain of its own, nothing left behind."""
 
 from collections.abc import Callable, Iterator
+import contextlib
+import fcntl
 import os
 from pathlib import Path
 import signal
@@ -10,8 +12,24 @@ import time
 
 import pytest
 
+# Where Fast DDS has its segments, each beside a file that its process holds locked.
+_MEMORY = Path('/dev/shm')
+_LOCKS = 'fastrtps_' + 16 * '[0-9a-f]' + '_el'
+_BEFORE = set(_MEMORY.glob(_LOCKS))
 # Domains 1 to 101 keep clear of ephemeral ports.
 _DOMAINS = iter(range(10_000))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Remove the shared memory of nodes that were killed; workers leave it to the one session."""
+    if hasattr(session.config, 'workerinput'):
+        return
+    for lock in set(_MEMORY.glob(_LOCKS)) - _BEFORE:
+        with contextlib.suppress(OSError), open(lock, 'rb') as stream:
+            # Refused while the process lives.
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
+            lock.unlink()
 
 
 class NodeProcess:
