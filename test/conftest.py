@@ -56,7 +56,7 @@ class NodeProcess:
             assert self.process.poll() is None or words in self.text(), self.text()
             time.sleep(0.02)
 
-    def stop(self, number: int = signal.SIGINT, within: float = 10.0) -> int:
+    def stop(self, number: int = signal.SIGINT, within: float = 30.0) -> int:
         """Send a signal and return the exit status."""
         self.process.send_signal(number)
         return self.process.wait(within)
@@ -111,7 +111,7 @@ def spin(rclpy_node) -> Callable[..., None]:
     executor = SingleThreadedExecutor(context=rclpy_node.context)
     executor.add_node(rclpy_node)
 
-    def spin_until(condition: Callable[[], object], within: float = 20.0) -> None:
+    def spin_until(condition: Callable[[], object], within: float = 60.0) -> None:
         deadline = time.monotonic() + within
         while not condition():
             assert time.monotonic() < deadline, 'it did not come about in time'

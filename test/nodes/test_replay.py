@@ -44,7 +44,7 @@ class Listener:
         self.clouds.append(data)
         self.moments.append(time.monotonic())
 
-    def until_end(self, process, within: float = 30.0) -> int:
+    def until_end(self, process, within: float = 60.0) -> int:
         """Spin until the process has ended, and a little longer; return its exit status."""
         self.spin(lambda: process.process.poll() is not None, within)
         end = time.monotonic() + 0.3

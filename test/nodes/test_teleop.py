@@ -75,7 +75,7 @@ class Screen:
             while data := os.read(self.terminal, 65536):
                 self.text += data.decode(errors='replace')
 
-    def wait_for(self, words: str, within: float = 30.0) -> None:
+    def wait_for(self, words: str, within: float = 60.0) -> None:
         """Wait until it has shown some words."""
         deadline = time.monotonic() + within
         while words not in self.text:
