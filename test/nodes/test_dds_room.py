@@ -34,6 +34,7 @@ from gear_rattle_ros.qos import STREAM, STREAM_DEPTH
 # Reads with the profile of the package's nodes, nothing until told, and then says what has come.
 READER = """
 import sys
+import time
 import rclpy
 from std_msgs.msg import UInt32
 from gear_rattle_ros.nodes.dds_room import bound_backlog
@@ -44,10 +45,13 @@ node = rclpy.create_node('slow')
 found = []
 take = lambda message: found.append(message.data)
 node.create_subscription(UInt32, 'numbers', take, STREAM_INPUT)
-sys.stdin.readline()
-while not found or found[-1] != int(sys.argv[1]):
+count = int(sys.argv[1])
+if not sys.stdin.readline():
+    sys.exit('the test has given up')
+deadline = time.monotonic() + 45.0
+while found[-1:] != [count] and time.monotonic() < deadline:
     rclpy.spin_once(node, timeout_sec=0.1)
-print(found == list(range(1, found[-1] + 1)), flush=True)
+print(found == list(range(1, count + 1)), flush=True)
 """
 
 
