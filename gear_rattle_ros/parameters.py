@@ -158,6 +158,9 @@ REPLAY: Final = (
     Specification('clock', False, 'publish the recorded time on /clock', '', read_only=True),
     Specification('topics', '', 'names divided by blanks; empty = all but /diagnostics and '
                   '/parameter_events', '', read_only=True),
+    Specification('wait_for_readers', 0, 'begin when a topic has so many subscriptions; 0 = when '
+                  'their number has not changed for 1 s', 'subscriptions', 0, 1000,
+                  read_only=True),
 )
 VIEWER: Final = (
     Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '

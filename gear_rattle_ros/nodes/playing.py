@@ -55,7 +55,7 @@ class Span:
 class Playing:
     """Plays a bag in a thread of its own; a failure is a text for the user."""
 
-    def __init__(self, bag: Bag, outputs: Mapping[str, Output], span: Span,
+    def __init__(self, bag: Bag, outputs: Mapping[str, Output], span: Span, readers: int,
                  tick: Callable[[int], None] | None) -> None:
         self.messages = 0
         self.rounds = 0
@@ -66,6 +66,7 @@ class Playing:
         self._bag = bag
         self._outputs = outputs
         self._span = span
+        self._readers = readers
         self._tick = tick
         self._ticked = 0
         self._next_tick = 0.0
@@ -103,6 +104,10 @@ class Playing:
             now = time.monotonic()
             counts = [output.publisher.get_subscription_count()
                       for output in self._outputs.values()]
+            if self._readers:
+                if max(counts) >= self._readers:
+                    return
+                continue
             if counts != before:
                 before, since = counts, now
             if now >= begin + _LONGEST or now >= since + (_SETTLED if any(counts) else _NOBODY):

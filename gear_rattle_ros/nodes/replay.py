@@ -45,7 +45,8 @@ class Replay(StreamingNode):
             self.get_logger().warning(f'{self._bag.path} was not closed properly; '
                                       'its complete chunks are played')
         self._playing = Playing(
-            self._bag, outputs, self._span, self._tick if self._clock_output else None)
+            self._bag, outputs, self._span, int(self.values['wait_for_readers']),
+            self._tick if self._clock_output else None)
         self.every(0.05, self._watch)
 
     @property
@@ -152,6 +153,8 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     for name in ('loop', 'clock'):
         parser.add_argument(f'--{name}', action='store_true', default=None, help=texts[name])
     parser.add_argument('--topics', nargs='+', metavar='TOPIC', help=texts['topics'])
+    parser.add_argument('--wait-for-readers', type=int, metavar='N',
+                        help=texts['wait_for_readers'])
     given = vars(parser.parse_args(plain))
     if given['topics']:
         given['topics'] = ' '.join(given['topics'])

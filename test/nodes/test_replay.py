@@ -76,6 +76,21 @@ def test_every_byte_comes_again_as_fast_as_possible(start, listener: Listener, b
         f'replayed {len(CLOUDS) + len(STATES)} messages on 2 topics, complete at 2.000 s of 2.000')
 
 
+def test_it_waits_for_all_readers_it_is_told_of(
+        start, listener: Listener, rclpy_node, bag: Path) -> None:
+    """With one of two it does not begin, however long that has not changed."""
+    process = start('replay', str(bag), '--speed', '0', '--wait-for-readers', '2')
+    listener.spin(lambda: rclpy_node.get_publishers_info_by_topic('/impacts'))
+    end = time.monotonic() + 3.0
+    listener.spin(lambda: time.monotonic() > end)
+    assert listener.clouds == [] and process.process.poll() is None
+    late: list[bytes] = []
+    rclpy_node.create_subscription(PointCloud2, 'impacts', late.append, STREAM_INPUT, raw=True)
+    assert listener.until_end(process) == 0
+    assert listener.clouds == CLOUDS
+    assert late == CLOUDS
+
+
 def test_it_keeps_the_recorded_time(start, listener: Listener, bag: Path) -> None:
     """From 0.5 s to 1.7 s at half the speed, one topic: 121 clouds, 20 ms apart; a clock runs."""
     process = start('replay', str(bag), '--speed', '0.5', '--start', '0.5', '--end', '1.7',

@@ -142,7 +142,8 @@ def test_replay_gives_the_same_exponents_and_transients(run, start, rclpy_node, 
     rclpy_node.create_subscription(DiagnosticArray, 'transient', transients.append, LATCHED)
     for name in ('lyapunov', 'transients'):
         start(name).wait_for('ready')
-    replay = start('replay', str(run[0] / 'bag'), '--speed', '0', '--topics', 'impacts')
+    replay = start('replay', str(run[0] / 'bag'), '--speed', '0', '--topics', 'impacts',
+                   '--wait-for-readers', '2')
     index = live.name.index('index')
     spin(lambda: exponents and exponents[-1].position[index] == live.position[index], 60.0)
     assert replay.process.wait(20) == 0, replay.text()
