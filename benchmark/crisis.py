@@ -88,8 +88,8 @@ def edge_by_scipy(boundary: Boundary, place: float, impacts: int, seed: float, a
                   ) -> float:
     """Return how far the unstable manifold goes beyond the stable one near a place on it."""
     guess = boundary.at(alpha).saddle
-    wall = 0.0 if guess.walls[0] == 1 else -1.0
-    period = guess.period_impacts
+    wall = -float(guess.walls[0])
+    period = guess.impacts
     point, derivative = saddle_by_scipy(guess.points[0], wall, period, alpha)
     values, vectors = np.linalg.eig(derivative)
     first = int(np.argmax(np.abs(values)))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import CLOSED, fire, FloatArray, orbit_at, PeriodicOrbit, solve_ring
+from .closed_orbits import CLOSED, fire, FloatArray, Orbit, orbit_at, solve_ring
 from .model import ALPHA_MAXIMUM, Parameters
 
 FIRST_STEP: Final = 2e-3
@@ -39,7 +39,7 @@ class Turn:
         orbit cannot go on, as an impact would be lost or gained (grazing).
     alpha, uncertainty : float
         Where, and how far off that can be [1].
-    orbit : PeriodicOrbit
+    orbit : Orbit
         There, or the last one before.
 
     """
@@ -47,7 +47,7 @@ class Turn:
     change: Change
     alpha: float
     uncertainty: float
-    orbit: PeriodicOrbit
+    orbit: Orbit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,14 +57,14 @@ class Branch:
 
     Attributes
     ----------
-    orbits : tuple of PeriodicOrbit
+    orbits : tuple of Orbit
         In order along the branch.
     turns : tuple of Turn
         Where it changes, in order.
 
     """
 
-    orbits: tuple[PeriodicOrbit, ...]
+    orbits: tuple[Orbit, ...]
     turns: tuple[Turn, ...]
 
 
@@ -87,7 +87,7 @@ class _Point:
                       dataclasses.replace(self.parameters, alpha=alpha))
 
 
-def follow(orbit: PeriodicOrbit, direction: float, low: float, high: float, *,
+def follow(orbit: Orbit, direction: float, low: float, high: float, *,
            tolerance: float = 1e-9, longest: float = 0.02, most: int = 2000,
            past_doublings: bool = True) -> Branch:
     """
@@ -95,7 +95,7 @@ def follow(orbit: PeriodicOrbit, direction: float, low: float, high: float, *,
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : Orbit
         Where to begin.
     direction : float
         Sign of the first step in alpha.
@@ -179,11 +179,11 @@ def _correct(point: _Point, tangent: FloatArray, step: float) -> _Point | None:
     return None
 
 
-def _orbit(point: _Point) -> PeriodicOrbit | None:
+def _orbit(point: _Point) -> Orbit | None:
     return orbit_at(point.walls, point.x, point.parameters)
 
 
-def _test(orbit: PeriodicOrbit, change: Change) -> float:
+def _test(orbit: Orbit, change: Change) -> float:
     # Zero where a multiplier is +1 or -1, or where the product of a complex pair is 1.
     first, second = orbit.multipliers
     if change is Change.TORUS:
@@ -192,7 +192,7 @@ def _test(orbit: PeriodicOrbit, change: Change) -> float:
     return float(((sign - first) * (sign - second)).real)
 
 
-def _changes(before: PeriodicOrbit, after: PeriodicOrbit) -> list[Change]:
+def _changes(before: Orbit, after: Orbit) -> list[Change]:
     found = [change for change in (Change.FOLD, Change.DOUBLING)
              if _test(before, change) * _test(after, change) < 0.0]
     if (_test(before, Change.TORUS) * _test(after, Change.TORUS) < 0.0

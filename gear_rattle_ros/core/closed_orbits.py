@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
-class PeriodicOrbit:
+class Orbit:
     """
     A periodic orbit, stable or not.
 
@@ -32,10 +32,10 @@ class PeriodicOrbit:
     parameters : Parameters
         The parameters.
     walls : ndarray of int, shape (q,)
-        Walls of its impacts in order, 1 for the upper and 2 for the lower.
+        Walls of its impacts in order, as `Wall`.
     points : ndarray of float, shape (q, 2)
         Phase and velocity just before each impact [rad, 1].
-    period_drive : int
+    drive_periods : int
         Period [drive periods].
     multipliers : ndarray of complex, shape (2,)
         Eigenvalues of the derivative of one period [1], the larger first.
@@ -45,11 +45,11 @@ class PeriodicOrbit:
     parameters: Parameters
     walls: npt.NDArray[np.int64]
     points: FloatArray
-    period_drive: int
+    drive_periods: int
     multipliers: npt.NDArray[np.complex128]
 
     @property
-    def period_impacts(self) -> int:
+    def impacts(self) -> int:
         """Impacts in one period [1]."""
         return len(self.walls)
 
@@ -117,7 +117,7 @@ def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameter
 
 
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
-                parameters: Parameters) -> PeriodicOrbit | None:
+                parameters: Parameters) -> Orbit | None:
     """
     Find a periodic orbit near a sequence of impacts, by Newton's method.
 
@@ -132,7 +132,7 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
 
     Returns
     -------
-    PeriodicOrbit or None
+    Orbit or None
         None where there is none near.
 
     """
@@ -217,7 +217,7 @@ def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -
 
 
 def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
-             parameters: Parameters) -> PeriodicOrbit | None:
+             parameters: Parameters) -> Orbit | None:
     """
     Describe the periodic orbit through given points.
 
@@ -232,7 +232,7 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
 
     Returns
     -------
-    PeriodicOrbit or None
+    Orbit or None
         None where they do not close to an orbit of whole drive periods.
 
     """
@@ -246,7 +246,7 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind='stable')]
     x = points.copy()
     x[:, 0] = np.mod(x[:, 0], TWO_PI)
-    return PeriodicOrbit(parameters, walls, x, turns, multipliers)
+    return Orbit(parameters, walls, x, turns, multipliers)
 
 
 def shortest_period(walls: npt.NDArray[np.int64], phases: FloatArray, velocities: FloatArray,
@@ -278,13 +278,13 @@ def shortest_period(walls: npt.NDArray[np.int64], phases: FloatArray, velocities
     return 0
 
 
-def double(orbit: PeriodicOrbit, amplitude: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
+def double(orbit: Orbit, amplitude: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
     """
     Guess the orbit of twice the period that leaves an orbit at a period doubling.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : Orbit
         Near the doubling: a multiplier near -1.
     amplitude : float
         Size of the first point's displacement along that multiplier's vector [1].
@@ -300,7 +300,7 @@ def double(orbit: PeriodicOrbit, amplitude: float) -> tuple[npt.NDArray[np.int64
     values, vectors = np.linalg.eig(shot.derivative)
     nearest = int(np.argmin(np.abs(values + 1.0)))
     aside = amplitude * np.real(vectors[:, nearest])
-    q = orbit.period_impacts
+    q = orbit.impacts
     moved = np.empty((2 * q, 2))
     for k in range(2 * q):
         moved[k] = orbit.points[k % q] + aside
@@ -309,13 +309,13 @@ def double(orbit: PeriodicOrbit, amplitude: float) -> tuple[npt.NDArray[np.int64
     return np.tile(orbit.walls, 2), moved
 
 
-def same_orbit(a: PeriodicOrbit, b: PeriodicOrbit, tolerance: float) -> bool:
+def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:
     """
     Tell whether two orbits are the same, whichever impact they begin with.
 
     Parameters
     ----------
-    a, b : PeriodicOrbit
+    a, b : Orbit
         The orbits.
     tolerance : float
         Largest distance of an impact [rad, 1].
@@ -326,9 +326,9 @@ def same_orbit(a: PeriodicOrbit, b: PeriodicOrbit, tolerance: float) -> bool:
         Whether they are.
 
     """
-    if a.period_impacts != b.period_impacts or a.period_drive != b.period_drive:
+    if a.impacts != b.impacts or a.drive_periods != b.drive_periods:
         return False
-    for shift in range(a.period_impacts):
+    for shift in range(a.impacts):
         apart = np.abs(np.roll(b.points, shift, axis=0) - a.points)
         apart[:, 0] = np.minimum(apart[:, 0], TWO_PI - apart[:, 0])
         if np.max(apart) <= tolerance and np.array_equal(np.roll(b.walls, shift), a.walls):
@@ -336,13 +336,13 @@ def same_orbit(a: PeriodicOrbit, b: PeriodicOrbit, tolerance: float) -> bool:
     return False
 
 
-def exponents(orbit: PeriodicOrbit) -> tuple[float, float]:
+def exponents(orbit: Orbit) -> tuple[float, float]:
     """
     Lyapunov exponents of a periodic orbit.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : Orbit
         The orbit.
 
     Returns
@@ -352,5 +352,5 @@ def exponents(orbit: PeriodicOrbit) -> tuple[float, float]:
 
     """
     moduli = np.abs(orbit.multipliers)
-    rates = [math.log(float(m)) / orbit.period_impacts if m > 0.0 else -math.inf for m in moduli]
+    rates = [math.log(float(m)) / orbit.impacts if m > 0.0 else -math.inf for m in moduli]
     return rates[0], rates[1]

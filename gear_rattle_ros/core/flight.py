@@ -20,15 +20,15 @@ from .elementary import (
     TWO_PI,
     TWO_PI_TAIL,
 )
-from .model import STICKING_SPEED
+from .model import STICKING_SPEED, Wall
 
 # What holds a trajectory at a moment.
 FLYING = 0
 RESTING = 1
 # Which wall ends a flight.
-NO_WALL = 0
-UPPER = 1
-LOWER = 2
+NO_WALL = -1
+UPPER = int(Wall.UPPER)
+LOWER = int(Wall.LOWER)
 # A flight without an impact is continued from a fresh start after this many drive periods.
 LEG_PERIODS = 64
 LEG = LEG_PERIODS * TWO_PI

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import fire, FloatArray, PeriodicOrbit
+from .closed_orbits import fire, FloatArray, Orbit
 from .compiled import kernel
 from .elementary import TWO_PI
 from .flight import NO_WALL
@@ -41,7 +41,7 @@ class Saddle:
 
     Attributes
     ----------
-    orbit : PeriodicOrbit
+    orbit : Orbit
         With real multipliers, one outside the unit circle and one inside.
     unstable, stable : ndarray of float, shape (2,)
         Unit vectors (phase, velocity); the unstable one points away from the orbit that
@@ -51,7 +51,7 @@ class Saddle:
 
     """
 
-    orbit: PeriodicOrbit
+    orbit: Orbit
     unstable: FloatArray
     stable: FloatArray
     rows: FloatArray
@@ -94,15 +94,15 @@ class Edge:
     impacts: int
 
 
-def saddle_of(orbit: PeriodicOrbit, captor: PeriodicOrbit) -> Saddle:
+def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
     """
     Find the directions of a saddle.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : Orbit
         The saddle, with positive multipliers.
-    captor : PeriodicOrbit
+    captor : Orbit
         The orbit on the other side, as many impacts.
 
     Returns
@@ -133,7 +133,7 @@ def saddle_of(orbit: PeriodicOrbit, captor: PeriodicOrbit) -> Saddle:
     return Saddle(orbit, vectors[:, 0], vectors[:, 1], rows)
 
 
-def _apart(captor: PeriodicOrbit, shift: int, orbit: PeriodicOrbit) -> float:
+def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
     if not np.array_equal(np.roll(captor.walls, -shift), orbit.walls):
         return math.inf
     aside = np.roll(captor.points, -shift, axis=0) - orbit.points
@@ -246,7 +246,7 @@ def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candi
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
         p = saddle.orbit.parameters
         distances, numbers = np.empty(len(places)), np.empty(len(places), np.int64)
-        returns(places, seed, int(saddle.orbit.walls[0]), saddle.orbit.period_impacts,
+        returns(places, seed, int(saddle.orbit.walls[0]), saddle.orbit.impacts,
                 saddle.orbit.points[0], saddle.unstable, saddle.rows, saddle.expansion, impacts,
                 p.alpha, p.beta, p.gamma, p.restitution, distances, numbers)
         return distances, numbers

@@ -19,6 +19,23 @@ GAMMA_MAXIMUM: Final = 1000.0
 VELOCITY_MAXIMUM: Final = 1e4
 
 
+class Wall(enum.IntEnum):
+    """A wall of the backlash: the one encoding in kernels, stores and reports."""
+
+    UPPER = 0
+    LOWER = 1
+
+    @property
+    def displacement(self) -> float:
+        """Displacement of an impact there: 0 or -1 [1]."""
+        return -float(self)
+
+    @property
+    def label(self) -> str:
+        """Its name in words."""
+        return self.name.lower()
+
+
 class EventKind(enum.IntEnum):
     """What happened at an event."""
 

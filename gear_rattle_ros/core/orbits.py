@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
-from .flight import elapsed, is_pressed, release_delay
-from .model import EventArray, EventKind
+from .flight import elapsed, is_pressed, LOWER, release_delay, UPPER
+from .model import EventArray, EventKind, Wall
 from .stream import StreamGuard
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
@@ -34,7 +34,7 @@ NOTHING, CANDIDATE, LEFT, BEGUN, RESTED = range(5)
 
 SECTION: Final = np.dtype(
     [
-        ('side', np.int64),
+        ('wall', np.int64),
         ('phase', np.float64),
         ('velocity', np.float64),
         ('flight_time', np.float64),
@@ -69,8 +69,8 @@ class OrbitPoint:
 
     Attributes
     ----------
-    side : int
-        1 at the upper wall, 2 at the lower.
+    wall : Wall
+        Which.
     phase : float
         Drive phase [rad].
     velocity : float
@@ -80,7 +80,7 @@ class OrbitPoint:
 
     """
 
-    side: int
+    wall: Wall
     phase: float
     velocity: float
     flight_time: float
@@ -112,7 +112,7 @@ class TransientReport:
         Modulus of the orbit's leading multiplier per period, from the rate of approach [1]; 0
         where the orbit sticks, nan where the approach was too fast to see.
     points : tuple of OrbitPoint
-        The orbit, beginning with the least (side, phase).
+        The orbit, beginning with the least (wall, phase).
 
     """
 
@@ -163,7 +163,7 @@ def distance(a, b):  # type: ignore[no-untyped-def]
         different walls.
 
     """
-    if a.side != b.side:
+    if a.wall != b.wall:
         return math.inf
     turn = abs(a.phase - b.phase)
     turn = min(turn, TWO_PI - turn)
@@ -253,7 +253,7 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
             continue
         n = w.impacts
         here = history[n % HISTORY]
-        here.side = 1 if event.displacement == 0.0 else 2
+        here.wall = UPPER if event.displacement == 0.0 else LOWER
         here.phase = event.phase
         here.velocity = event.velocity
         here.flight_time = w.time
@@ -414,8 +414,8 @@ class TransientDetector:
         first = n - kept + (int(outside[-1]) + 1 if len(outside) else 0)
         watch['locked'] = period
         start = self._report.start
-        points = [OrbitPoint(*point.item()[:4]) for point in orbit]
-        least = min(range(period), key=lambda k: (points[k].side, points[k].phase))
+        points = [OrbitPoint(Wall(point['wall']), *point.item()[1:4]) for point in orbit]
+        least = min(range(period), key=lambda k: (points[k].wall, points[k].phase))
         return TransientReport(
             Regime.ORBIT,
             epoch=self._report.epoch,
@@ -446,7 +446,7 @@ def _distances(a: npt.NDArray[np.void], b: npt.NDArray[np.void]) -> npt.NDArray[
     turn = np.minimum(turn, TWO_PI - turn)
     apart = np.maximum(turn, np.abs(a['velocity'] - b['velocity']))
     apart = np.maximum(apart, np.abs(a['flight_time'] - b['flight_time']))
-    return np.where(a['side'] == b['side'], apart, np.inf)
+    return np.where(a['wall'] == b['wall'], apart, np.inf)
 
 
 def _approach(recurrences: npt.NDArray[np.float64], period: int) -> tuple[float, float]:

@@ -65,9 +65,8 @@ def transient_values(report: TransientReport) -> dict[str, object]:
         values['period_drive'] = report.period_drive
         values['multiplier'] = report.multiplier
         for number, point in enumerate(report.points):
-            side = 'upper' if point.side == 1 else 'lower'
             values[f'point_{number}'] = (
-                f'{side} wall, phase {point.phase!r}, velocity {point.velocity!r}')
+                f'{point.wall.label} wall, phase {point.phase!r}, velocity {point.velocity!r}')
     return values
 
 

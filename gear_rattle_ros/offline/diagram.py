@@ -213,6 +213,6 @@ def describe(columns: list[list[Settled]], diagram: Diagram) -> dict[str, npt.ND
                 values['exact_sum'][slot] = (2.0 * math.log(p.restitution)
                                              - p.beta * one.flight_time)
             if one.orbit is not None:
-                values['period_impacts'][slot] = one.orbit.period_impacts
-                values['period_drive'][slot] = one.orbit.period_drive
+                values['period_impacts'][slot] = one.orbit.impacts
+                values['period_drive'][slot] = one.orbit.drive_periods
     return values

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..core.closed_orbits import (
     close_orbit,
     exponents,
-    PeriodicOrbit,
+    Orbit,
     same_orbit,
     shortest_period,
 )
@@ -124,7 +124,7 @@ class Settled:
         Which trajectories are on it.
     counts : ndarray of float, shape (bins,)
         Their impact velocities, counted together.
-    orbit : PeriodicOrbit or None
+    orbit : Orbit or None
         Where it is one.
     exponent, exponent_error : float
         Largest exponent per impact [1]: of a periodic orbit from its multipliers, with no error;
@@ -137,7 +137,7 @@ class Settled:
     kind: Kind
     members: npt.NDArray[np.int64]
     counts: FloatArray
-    orbit: PeriodicOrbit | None
+    orbit: Orbit | None
     exponent: float
     exponent_error: float
     flight_time: float
@@ -255,7 +255,7 @@ def settle(ensemble: Ensemble) -> list[Settled]:
         their histograms share.
 
     """
-    groups: list[tuple[list[int], PeriodicOrbit | None]] = []
+    groups: list[tuple[list[int], Orbit | None]] = []
     resting = [int(i) for i in np.flatnonzero(ensemble.rests)]
     orbits = [None if rests else orbit_of(impacts, ensemble.parameters)
               for impacts, rests in zip(ensemble.last, ensemble.rests, strict=True)]
@@ -283,7 +283,7 @@ def settle(ensemble: Ensemble) -> list[Settled]:
         if orbit is not None:
             # Exact, and free of what is left of the transient.
             kind, mean, error = Kind.ORBIT, exponents(orbit)[0], 0.0
-            time = TWO_PI * orbit.period_drive / orbit.period_impacts
+            time = TWO_PI * orbit.drive_periods / orbit.impacts
         elif members is resting:
             kind, mean, error, time = Kind.REST, -math.inf, math.nan, math.nan
         found.append(Settled(
@@ -292,7 +292,7 @@ def settle(ensemble: Ensemble) -> list[Settled]:
     return found
 
 
-def orbit_of(impacts: npt.NDArray[np.void], parameters: Parameters) -> PeriodicOrbit | None:
+def orbit_of(impacts: npt.NDArray[np.void], parameters: Parameters) -> Orbit | None:
     """
     Find the stable periodic orbit on which a trajectory has settled.
 
@@ -305,11 +305,11 @@ def orbit_of(impacts: npt.NDArray[np.void], parameters: Parameters) -> PeriodicO
 
     Returns
     -------
-    PeriodicOrbit or None
+    Orbit or None
         None where it does not recur, or no stable orbit of half the stretch or less is near.
 
     """
-    walls = np.where(np.signbit(impacts['velocity']), 2, 1)
+    walls = np.signbit(impacts['velocity']).astype(np.int64)
     q = shortest_period(walls, impacts['phase'], impacts['velocity'], RECURS)
     if q == 0:
         return None

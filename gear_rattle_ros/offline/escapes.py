@@ -121,8 +121,8 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
          'tangency_exponent': tangency.saddle.lifetime_exponent,
          'saddle_expansion': tangency.saddle.expansion,
          'saddle_contraction': tangency.saddle.contraction,
-         'saddle_impacts': tangency.saddle.orbit.period_impacts,
-         'saddle_drive_periods': tangency.saddle.orbit.period_drive,
+         'saddle_impacts': tangency.saddle.orbit.impacts,
+         'saddle_drive_periods': tangency.saddle.orbit.drive_periods,
          'fold_alpha': tangency.fold})
 
 

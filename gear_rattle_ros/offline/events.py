@@ -13,7 +13,7 @@ from .ensembles import Followers, run_ensemble, settle, Settled
 from .store import Store
 from .tracks import spread
 from ..core.branches import Change, follow, Turn
-from ..core.closed_orbits import close_orbit, double, PeriodicOrbit
+from ..core.closed_orbits import close_orbit, double, Orbit
 from ..core.lanes_step import LANES
 
 FloatArray = npt.NDArray[np.float64]
@@ -205,7 +205,7 @@ def settled_at(diagram: Diagram, column: int, slot: int) -> Settled:
     return settle(run_ensemble(diagram.starts(column), diagram.at(column), diagram.window))[slot]
 
 
-def _events_of_orbit(n: int, orbit: PeriodicOrbit, diagram: Diagram,
+def _events_of_orbit(n: int, orbit: Orbit, diagram: Diagram,
                      tolerance: float) -> list[Event]:
     low, high = diagram.alphas[0] - OUTSIDE, diagram.alphas[1] + OUTSIDE
     low = max(low, 0.0)
@@ -226,11 +226,11 @@ def _event(n: int, turn: Turn) -> Event:
     orbit = turn.orbit
     sign = -1.0 if turn.change is Change.DOUBLING else 1.0
     nearest = min(orbit.multipliers, key=lambda m: abs(m - sign))
-    return Event(n, turn.change.value, turn.alpha, turn.uncertainty, orbit.period_impacts,
-                 orbit.period_drive, complex(nearest))
+    return Event(n, turn.change.value, turn.alpha, turn.uncertainty, orbit.impacts,
+                 orbit.drive_periods, complex(nearest))
 
 
-def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float,
+def cascade(n: int, orbit: Orbit, direction: float, tolerance: float,
             doublings: int = DOUBLINGS) -> list[Event]:
     """
     Follow a cascade of doublings.
@@ -239,7 +239,7 @@ def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float,
     ----------
     n : int
         Number of the attractor.
-    orbit : PeriodicOrbit
+    orbit : Orbit
         At its doubling.
     direction : float
         Sign of the step in alpha beyond which the doubled orbit is stable.
@@ -258,7 +258,7 @@ def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float,
     step, longest = BEYOND, 0.02
     for _ in range(doublings):
         doubled = _doubled(orbit, direction * step)
-        if doubled is None or doubled.period_impacts > LONGEST:
+        if doubled is None or doubled.impacts > LONGEST:
             break
         alpha = doubled.parameters.alpha
         branch = follow(doubled, direction, alpha - 0.1, alpha + 0.1, tolerance=tolerance,
@@ -273,11 +273,11 @@ def cascade(n: int, orbit: PeriodicOrbit, direction: float, tolerance: float,
     return events
 
 
-def _doubled(orbit: PeriodicOrbit, step: float) -> PeriodicOrbit | None:
+def _doubled(orbit: Orbit, step: float) -> Orbit | None:
     beyond = dataclasses.replace(orbit.parameters, alpha=orbit.parameters.alpha + step)
     for amplitude in AMPLITUDES:
         found = close_orbit(*double(orbit, amplitude), beyond)
-        if found is not None and found.period_impacts == 2 * orbit.period_impacts:
+        if found is not None and found.impacts == 2 * orbit.impacts:
             return found
     return None
 

@@ -14,7 +14,7 @@ from .layout import Axis, Layout, Variable
 from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
 from .store import Store
 from .store_making import make_store
-from ..core.closed_orbits import PeriodicOrbit, same_orbit
+from ..core.closed_orbits import Orbit, same_orbit
 from ..core.model import Parameters
 from ..core.recorded import record_impacts
 
@@ -97,7 +97,7 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     progress = run.progress(section.trajectories)
     starts = section.plane.random_starts(section.parameters, section.trajectories, section.seed)
     counts = np.zeros((2, section.velocities, section.phases))
-    orbits: list[PeriodicOrbit] = []
+    orbits: list[Orbit] = []
     members: list[int] = []
     points: list[npt.NDArray[np.float64]] = []
     for first in range(0, len(starts), BATCH):
@@ -118,7 +118,7 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
         store.write(kind, {'count': counts[kind][None].astype(np.uint32)})
     words = [f'{section.trajectories - sum(members)} of {section.trajectories} trajectories do '
              f'not recur after {section.skip + section.keep:,} impacts']
-    words += [f'{n} are on an orbit of {o.period_impacts} impacts in {o.period_drive} drive '
+    words += [f'{n} are on an orbit of {o.impacts} impacts in {o.drive_periods} drive '
               f'periods, largest multiplier {abs(o.multipliers[0]):.4f}'
               for o, n in zip(orbits, members, strict=True)]
     found = np.concatenate(points) if points else np.zeros((0, 2))
@@ -135,7 +135,7 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     return store, words
 
 
-def _enter(orbits: list[PeriodicOrbit], members: list[int], orbit: PeriodicOrbit) -> None:
+def _enter(orbits: list[Orbit], members: list[int], orbit: Orbit) -> None:
     for k, known in enumerate(orbits):
         if same_orbit(known, orbit, SAME):
             members[k] += 1

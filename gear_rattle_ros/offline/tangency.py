@@ -9,7 +9,7 @@ import numpy as np
 from .ensembles import Kind, run_ensemble, settle, Window
 from .grid import Plane
 from ..core.branches import Change, follow
-from ..core.closed_orbits import close_orbit, PeriodicOrbit
+from ..core.closed_orbits import close_orbit, Orbit
 from ..core.elementary import TWO_PI
 from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
 from ..core.model import Parameters
@@ -35,15 +35,15 @@ class Boundary:
 
     Attributes
     ----------
-    captor, saddle : PeriodicOrbit
+    captor, saddle : Orbit
         At some alpha.
     fold : float
         Where both are born [1].
 
     """
 
-    captor: PeriodicOrbit
-    saddle: PeriodicOrbit
+    captor: Orbit
+    saddle: Orbit
     fold: float
 
     def at(self, alpha: float) -> 'Boundary':
@@ -99,20 +99,20 @@ class Tangency:
     fold: float
 
 
-def carry(orbit: PeriodicOrbit, alpha: float) -> PeriodicOrbit:
+def carry(orbit: Orbit, alpha: float) -> Orbit:
     """
     Follow an orbit to another alpha, without a fold between.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : Orbit
         The orbit.
     alpha : float
         The amplitude [1].
 
     Returns
     -------
-    PeriodicOrbit
+    Orbit
         There.
 
     Raises
@@ -126,7 +126,7 @@ def carry(orbit: PeriodicOrbit, alpha: float) -> PeriodicOrbit:
         parameters = dataclasses.replace(orbit.parameters, alpha=float(value))
         carried = close_orbit(orbit.walls, orbit.points, parameters)
         if carried is None:
-            raise ValueError(f'the orbit of {orbit.period_impacts} impacts cannot be followed to '
+            raise ValueError(f'the orbit of {orbit.impacts} impacts cannot be followed to '
                              f'alpha = {alpha:g}; give a narrower bracket')
         orbit = carried
     return orbit
@@ -174,7 +174,7 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
             nearest = min(beyond, key=lambda o: abs(o.parameters.alpha - parameters.alpha))
             return Boundary(captor, carry(nearest, parameters.alpha), folds[0].alpha)
     raise ValueError(f'alpha = {parameters.alpha:g}: no saddle belongs to the orbit of '
-                     f'{captor.period_impacts} impacts')
+                     f'{captor.impacts} impacts')
 
 
 def find_tangency(boundary: Boundary, low: float, high: float,

@@ -116,14 +116,14 @@ def test_points_and_multiplier_of_an_orbit(alpha: float, impacts: int) -> None:
         modulus = float(np.abs(np.linalg.eigvals(product)).max())
         assert report.multiplier == pytest.approx(modulus, rel=0.15)
         tail = section(events)[-impacts:]
-        points = np.array([[p.side == 1, p.phase, p.velocity, p.flight_time]
+        points = np.array([[p.wall == 0, p.phase, p.velocity, p.flight_time]
                            for p in report.points])
         nearest = [apart(np.repeat(point[None], impacts, 0), tail).min() for point in points]
         assert max(nearest) < TOLERANCE
         assert math.isclose(sum(p.flight_time for p in report.points),
                             TWO_PI * report.period_drive, abs_tol=4 * TOLERANCE)
-        assert [(p.side, p.phase) for p in report.points][0] == min(
-            (p.side, p.phase) for p in report.points)
+        assert [(p.wall, p.phase) for p in report.points][0] == min(
+            (p.wall, p.phase) for p in report.points)
         seen += 1
     assert seen >= 3
 

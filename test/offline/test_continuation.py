@@ -10,7 +10,7 @@ from gear_rattle_ros.core.closed_orbits import (
     close_orbit,
     exponents,
     fire,
-    PeriodicOrbit,
+    Orbit,
     solve_ring,
 )
 from gear_rattle_ros.core.flight import UPPER
@@ -31,7 +31,7 @@ def orbits_at(alpha, trajectories=64):
     parameters = Parameters(alpha=alpha)
     starts = Plane().random_starts(parameters, trajectories, 1)
     found = settle(run_ensemble(starts, parameters, Window(bins=300)))
-    return {(one.orbit.period_impacts, round(float(one.orbit.points[:, 1].max()), 1)): one.orbit
+    return {(one.orbit.impacts, round(float(one.orbit.points[:, 1].max()), 1)): one.orbit
             for one in found if one.orbit}
 
 
@@ -48,11 +48,11 @@ def jacobian_of_the_paper(tau0, v0, tau1, v1, duration, alpha):
                                   -R * decay + a1 * t_v]])
 
 
-def multipliers_of_the_paper(orbit: PeriodicOrbit):
+def multipliers_of_the_paper(orbit: Orbit):
     """Multiply eq. (9) along an orbit."""
     product = np.eye(2)
     alpha = orbit.parameters.alpha
-    for k in range(orbit.period_impacts):
+    for k in range(orbit.impacts):
         phase, velocity = orbit.points[k]
         _, _, phase_1, velocity_1, duration = next_impact(
             int(orbit.walls[k]), phase, velocity, alpha, B, G, R)
@@ -93,9 +93,9 @@ def test_multipliers_obey_the_exact_determinant():
     for (impacts, _), orbit in orbits_at(0.48).items():
         product = complex(orbit.multipliers[0] * orbit.multipliers[1])
         assert product.real == pytest.approx(
-            R**(2 * impacts) * math.exp(-B * 2.0 * math.pi * orbit.period_drive), rel=1e-10)
+            R**(2 * impacts) * math.exp(-B * 2.0 * math.pi * orbit.drive_periods), rel=1e-10)
         assert sum(exponents(orbit)) == pytest.approx(
-            2.0 * math.log(R) - B * 2.0 * math.pi * orbit.period_drive / impacts, abs=1e-12)
+            2.0 * math.log(R) - B * 2.0 * math.pi * orbit.drive_periods / impacts, abs=1e-12)
 
 
 def test_b_doubles_where_its_multiplier_is_minus_one():

@@ -76,7 +76,7 @@ def test_too_few_rates_are_refused():
 
 def test_captor_and_saddle_are_born_in_a_fold(boundary):
     for orbit in (boundary.captor, boundary.saddle):
-        assert (orbit.period_impacts, orbit.period_drive) == (4, 1)
+        assert (orbit.impacts, orbit.drive_periods) == (4, 1)
         product = complex(orbit.multipliers[0] * orbit.multipliers[1])
         assert product.real == pytest.approx(0.9**8 * math.exp(-0.1 * 2.0 * math.pi), rel=1e-10)
     assert boundary.captor.is_stable and not boundary.saddle.is_stable

@@ -112,7 +112,7 @@ def test_what_is_followed_down_does_not_find_b_again(tmp_path):
 def test_an_orbit_just_before_its_doubling_is_not_taken_for_twice_itself():
     parameters = Parameters(alpha=0.529)
     found = settle(run_ensemble(Plane().random_starts(parameters, 32, 1), parameters, Window()))
-    assert sorted(one.orbit.period_impacts for one in found if one.orbit) == [2, 3]
+    assert sorted(one.orbit.impacts for one in found if one.orbit) == [2, 3]
     assert sum(len(one.members) for one in found) == 32
 
 
