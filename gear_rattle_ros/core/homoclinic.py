@@ -121,7 +121,7 @@ def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
     if shot is None or first.imag != 0.0 or not first.real > 1.0 > second.real > 0.0:
         raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit is no saddle with '
                          'positive multipliers')
-    values, vectors = np.linalg.eig(shot.derivative)
+    values, vectors = np.linalg.eig(shot.derivative())
     vectors = np.real(vectors[:, np.argsort(-np.abs(values))])
     rows = np.linalg.inv(vectors)
     shift = min(range(len(captor.points)), key=lambda k: _apart(captor, k, orbit))

@@ -65,11 +65,9 @@ class Colours:
             Of those.
 
         """
-        found = points_of(known.catalogue, known.late)
+        found = points_of(known.catalogue)
         traces, hues = follow(self.traces, found, is_complete=known.is_complete)
-        keys = [*(orbit.key for orbit in known.catalogue.orbits),
-                *(chaotic.key for chaotic in known.catalogue.chaotic),
-                *(orbit.key for orbit in known.late)]
+        keys = [each.key for each in known.catalogue.attractors if each.label >= 0]
         return Colours(traces, colours_of(hues), NAMES | dict(enumerate(keys)))
 
 

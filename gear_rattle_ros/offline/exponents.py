@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from . import cli, options
 from .attractors import identity_of
+from .catalogue import BATCH
 from .engine import run_tiles
 from .grid import Plane, StartArray
 from .layout import Axis, Layout, Variable
-from .search import BATCH
 from .store import Store
 from .store_making import make_store
 from ..core.growth import grow, STEPS

@@ -237,6 +237,5 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
 
 def _title(store: Store) -> str:
     a = store.attributes
-    return (f'{a["impacts_counted"]:,} impacts after {a["impacts_skipped"]:,} from '
-            f'{a["trajectories"]} starts; beta {a["beta"]:g}, gamma {a["gamma"]:g}, '
-            f'r {a["restitution"]:g}')
+    return (f'{a["impacts_counted"]:,} impacts of {a["trajectories"]} trajectories; '
+            f'beta {a["beta"]:g}, gamma {a["gamma"]:g}, r {a["restitution"]:g}')

@@ -14,10 +14,9 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .attractors import Attractor
+from .catalogue import Attractor, Catalogue, Kind
 from .figures_style import hue, phase_ticks
 from .grid import Plane
-from .search import Catalogue
 from ..core.classify import UNRESOLVED
 
 DPI: Final = 120
@@ -51,8 +50,8 @@ def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[A
     """
     figure, axes = _new(title)
     # By key, not by share: its colour does not change where another basin becomes the larger.
-    shown = sorted((each for each in attractors if np.any(labels == each.label)),
-                   key=lambda each: each.key)
+    shown = sorted((each for each in attractors if each.kind is not Kind.UNSETTLED
+                    and np.any(labels == each.label)), key=lambda each: each.key)
     colours = [UNKNOWN, *_colours(len(shown))]
     numbers = np.zeros(labels.shape, np.int64)
     for number, each in enumerate(shown, 1):
@@ -142,7 +141,7 @@ def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str)
     return figure
 
 
-def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Figure:
+def draw_section(catalogue: Catalogue) -> Figure:
     """
     Draw the attractors on the section.
 
@@ -150,8 +149,6 @@ def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Fig
     ----------
     catalogue : Catalogue
         What was found.
-    attractors : tuple of Attractor
-        The same in words.
 
     Returns
     -------
@@ -160,19 +157,13 @@ def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Fig
 
     """
     figure, axes = _new(f'Attractors on the section, {in_words(catalogue)}')
-    for number, each in enumerate(attractors):
-        # Dark on white, as a chaotic attractor is a thin line.
-        colour = hue(number)
-        label = f'{each.key}  {100.0 * each.share:.1f} %'
-        if each.kind == 'chaotic':
-            boxes = catalogue.chaotic[each.label - len(catalogue.orbits)].boxes
-            side, row, column = np.nonzero(boxes)
-            edge = boxes.shape[1]
-            velocity = (row + 0.5) * catalogue.box_speed / edge * (1.0 - 2.0 * side)
-            axes.scatter((column + 0.5) * 2.0 * math.pi / edge, velocity, s=3.0, color=colour,
-                         linewidths=0, label=label)
-        elif len(each.points):
-            axes.scatter(each.points[:, 1], each.points[:, 2], s=40, color=colour, label=label)
+    for number, each in enumerate(catalogue.attractors):
+        points = each.points()
+        if len(points):
+            # A chaotic attractor is a thin line.
+            axes.scatter(points[:, 1], points[:, 2], s=3.0 if each.kind is Kind.CHAOTIC else 40.0,
+                         color=hue(number), linewidths=0,
+                         label=f'{each.key}  {100.0 * each.share:.1f} %')
     axes.axhline(0.0, color='#808080', linewidth=0.6)
     axes.set_xlim(0.0, 2.0 * math.pi)
     legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
