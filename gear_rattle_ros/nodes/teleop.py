@@ -116,7 +116,7 @@ class Teleop:
         try:
             self.simulator.tick()
         except RefusalError as error:
-            self._words = str(error)
+            self._words = str(error).removeprefix(f'{self.simulator.name} ')
         except ClientError as error:
             self._lose(str(error))
         if is_there and not self.simulator.is_busy:

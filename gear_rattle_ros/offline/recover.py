@@ -177,20 +177,7 @@ def _find(path: Path) -> list[Path]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Recover a bag.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, or 2 with one line that says why.
-
-    """
+    """Recover a bag."""
     parser = Parser(prog='recover', description=(
         'Copy everything that can still be read of a cut or damaged bag into a new one with an '
         'index, and say what is missing. The bag itself is never touched.'))

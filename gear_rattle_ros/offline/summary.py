@@ -39,22 +39,7 @@ BLUE, GREEN, VIOLET, ORANGE = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e'
 
 
 def draw(digest: Digest, name: str) -> Figure:
-    """
-    Draw a run.
-
-    Parameters
-    ----------
-    digest : Digest
-        The run, with at least one impact.
-    name : str
-        What the run is called.
-
-    Returns
-    -------
-    Figure
-        1600 x 1000 pixels when saved.
-
-    """
+    """Draw a run."""
     figure = Figure((WIDTH, HEIGHT), dpi=DPI, layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(title_of(digest, name), fontsize=14)
@@ -73,22 +58,7 @@ def draw(digest: Digest, name: str) -> Figure:
 
 
 def title_of(digest: Digest, name: str) -> str:
-    """
-    Say what was recorded.
-
-    Parameters
-    ----------
-    digest : Digest
-        The run.
-    name : str
-        What it is called.
-
-    Returns
-    -------
-    str
-        One line.
-
-    """
+    """Say what was recorded."""
     assert digest.place is not None
     first, event = digest.changes.rows[0], digest.place.event
     periods = digest.place.drive_time - first['drive_time']
@@ -98,19 +68,7 @@ def title_of(digest: Digest, name: str) -> str:
 
 
 def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
-    """
-    Draw where impacts fall in phase and velocity.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-    norm : Normalize
-        Scale of alpha.
-
-    """
+    """Draw where impacts fall in phase and velocity."""
     points = digest.points.rows
     drawn = axes.scatter(
         points['phase'], points['velocity'], s=_size(len(points)), linewidths=0,
@@ -136,17 +94,7 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
 
 
 def draw_words(axes: Axes, digest: Digest) -> None:
-    """
-    Write what the trajectory was found to do.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Write what the trajectory was found to do."""
     axes.axis('off')
     lines = [in_words(word) for word in digest.words]
     if len(lines) > 6:
@@ -159,19 +107,7 @@ def draw_words(axes: Axes, digest: Digest) -> None:
 
 
 def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
-    """
-    Draw velocities in the order of the impacts, with the retunes.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-    norm : Normalize
-        Scale of alpha.
-
-    """
+    """Draw velocities in the order of the impacts, with the retunes."""
     points, changes = digest.points.rows, digest.changes.rows[1:]
     axes.scatter(points['impact'], points['velocity'], s=_size(len(points)), linewidths=0,
                  c=_colours(points, norm), rasterized=True)
@@ -187,17 +123,7 @@ def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
 
 
 def draw_alpha(axes: Axes, digest: Digest) -> None:
-    """
-    Draw alpha in time.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Draw alpha in time."""
     assert digest.place is not None
     changes = digest.changes.rows
     axes.step([*changes['drive_time'], digest.place.drive_time],
@@ -208,17 +134,7 @@ def draw_alpha(axes: Axes, digest: Digest) -> None:
 
 
 def draw_exponents(axes: Axes, digest: Digest) -> None:
-    """
-    Draw the running and finite-time exponents, with the error and the exact sum.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Draw the running and finite-time exponents, with the error and the exact sum."""
     rows = digest.estimates.rows
     rows = rows[rows['impacts'] >= IMPACTS_LEAST]
     axes.set(title='Lyapunov exponents per impact, averaged since the last retune',
@@ -244,17 +160,7 @@ def draw_exponents(axes: Axes, digest: Digest) -> None:
 
 
 def draw_motion(axes: Axes, digest: Digest) -> None:
-    """
-    Draw the motion between the walls over the last drive periods.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Draw the motion between the walls over the last drive periods."""
     motion = rebuild(digest.tail, TWO_PI / 200.0, PERIODS)
     for wall in (0.0, -1.0):
         axes.axhline(wall, color=ORANGE, linewidth=2.0)
@@ -266,24 +172,7 @@ def draw_motion(axes: Axes, digest: Digest) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """
-    Write a picture.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    path : Path
-        Where to; .png is the format unless its ending says another.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    ValueError
-        If the ending is of no known format.
-
-    """
+    """Write a picture."""
     figure.savefig(path, dpi=DPI)
 
 
@@ -294,20 +183,7 @@ def prepare() -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `summary BAG [--output FILE.png]`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, or 2 with one line that says why.
-
-    """
+    """Run the command `summary BAG [--output FILE.png]`."""
     parser = _Parser('summary', description='Make one picture of a bag.')
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
     parser.add_argument('--output', type=Path, metavar='FILE.png',
