@@ -19,8 +19,8 @@ import textwrap
 import time
 from typing import Final
 
-from .cli import attempt, INTERRUPTED, PACKAGE
-from .options import Parser
+from .cli import PACKAGE
+from .plain import attempt, INTERRUPTED, Parser
 from .store_making import versions
 from ..places import config_folder
 from ..plain_yaml import read_yaml

@@ -1,12 +1,10 @@
 """One picture of a bag: section, velocities, alpha, exponents, the last motion, in words."""
 
-import argparse
 import io
 import math
 from pathlib import Path
-import sys
 import textwrap
-from typing import Final, NoReturn
+from typing import Final
 
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -19,6 +17,7 @@ import numpy.typing as npt
 
 from .digest import Digest, digest_of, in_words, RowArray
 from .figures_style import GREY, phase_ticks, thousands, VELOCITY_LABEL
+from .plain import attempt, Parser
 from ..bags import Bag, BagError
 from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
@@ -184,37 +183,27 @@ def prepare() -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command `summary BAG [--output FILE.png]`."""
-    parser = _Parser('summary', description='Make one picture of a bag.')
+    parser = Parser('summary', description='Make one picture of a bag.')
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
     parser.add_argument('--output', type=Path, metavar='FILE.png',
                         help='the picture; by default summary.png beside the bag')
     given = parser.parse_args(arguments)
     output = given.output or given.bag.resolve().parent / 'summary.png'
-    try:
-        digest = digest_of(Bag(given.bag).events())
-    except BagError as error:
-        return _fail(str(error))
-    except ValueError as error:
-        return _fail(f'{given.bag}: {error}')
-    try:
-        save(draw(digest, given.bag.resolve().name), output)
-    except OSError as error:
-        return _fail(f'{output}: {error.strerror}')
-    except ValueError as error:
-        return _fail(f'{output}: {error}')
-    print(output)
-    return 0
 
+    def run() -> int:
+        at = given.bag
+        try:
+            digest = digest_of(Bag(given.bag).events())
+            at = output
+            save(draw(digest, given.bag.resolve().name), output)
+        except BagError:
+            raise
+        except ValueError as error:
+            raise ValueError(f'{at}: {error}') from error
+        print(output)
+        return 0
 
-class _Parser(argparse.ArgumentParser):
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f'{self.prog}: {message}\n')
-
-
-def _fail(message: str) -> int:
-    print(f'summary: {message}', file=sys.stderr)
-    return 2
+    return attempt('summary', run)
 
 
 def _spread(values: npt.NDArray[np.float64]) -> tuple[float, float]:
