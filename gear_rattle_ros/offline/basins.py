@@ -206,20 +206,7 @@ def settings_of(given: argparse.Namespace, chaotic: bool = True) -> Settings:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `basins`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
-
-    """
+    """Run the command `basins`."""
     parser = options.Parser(
         NAME, description='Find on which attractor every start of a grid settles.')
     options.add_model(parser)

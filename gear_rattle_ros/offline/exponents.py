@@ -105,20 +105,7 @@ def compute_exponents(parameters: Parameters, plane: Plane, run: cli.Run, count:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `exponents`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
-
-    """
+    """Run the command `exponents`."""
     parser = options.Parser(
         NAME, description='Find how fast neighbours of every start part or meet: the largest '
         'exponent of the first impacts.')

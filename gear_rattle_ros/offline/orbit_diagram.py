@@ -176,20 +176,7 @@ def _width(store: Store, tile: int) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `orbit_diagram`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status.
-
-    """
+    """Run the command `orbit_diagram`."""
     parser = Parser('orbit_diagram', description='Count impact velocities against alpha, from '
                     'many starts and followed up and down, with the largest exponent.')
     add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
