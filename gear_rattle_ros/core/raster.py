@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from .compiled import kernel
+from .elementary import length, logarithm
 from .flight import elapsed, rebound
 from .lanes import advance, RUNS
 from .lanes_step import LANES
@@ -106,8 +107,8 @@ def fill(  # type: ignore[no-untyped-def]
                     s = vector[i, 0] + integral * vector[i, 1]
                     v = s21 * s + s22 * decay * vector[i, 1]
                     s *= s11
-                    size = math.hypot(s, v)
-                    rate = math.log(size) if size > 0.0 else -math.inf
+                    size = length(s, v)
+                    rate = logarithm(size) if size > 0.0 else -math.inf
                     if is_stuck(one, towards, tile, i):
                         rate = -math.inf
                     if rate == -math.inf:
