@@ -284,8 +284,8 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
                     restitution = p.restitution
                     contraction = 2.0 * logarithm(restitution)
                 count_impact(
-                    e, ring, logarithm(first), logarithm(second),
-                    log_determinant(event.velocity, event.velocity_after, restitution, contraction))
+                    e, ring, logarithm(first), logarithm(second), log_determinant(
+                        event.velocity, event.velocity_after, restitution, contraction))
     if len(events):
         last[0] = events[len(events) - 1]
 
