@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from .classify import RecordArray, STEPS
 from .compiled import kernel
+from .elementary import length, logarithm
 from .flight import elapsed, rebound
 from .lanes import advance, EMPTY, new_impacts, new_tiles, refill, release
 from .lanes_step import LANES
@@ -104,12 +105,12 @@ def fill(  # type: ignore[no-untyped-def]
                 s = vectors[t, 0] + integral * vectors[t, 1]
                 v = s21 * s + s22 * decay * vectors[t, 1]
                 s *= s11
-                size = math.hypot(s, v)
+                size = length(s, v)
                 if size == 0.0 or is_stuck(one, math.copysign(1.0, one.velocity), tile, i):
                     rate = -math.inf
                     vectors[t] = 1.0
                 else:
-                    rate = math.log(size)
+                    rate = logarithm(size)
                     vectors[t, 0] = s / size
                     vectors[t, 1] = v / size
                 if n < skip:
