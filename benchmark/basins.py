@@ -26,7 +26,7 @@ from peers.comparison import compare, Comparison, decide, PARAMETERS, python_of
 from peers.picture import draw
 
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors, settle
+from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')
@@ -114,8 +114,8 @@ def computing(size: int) -> Iterator[Row]:
     for _ in range(TURNS + 1):
         for threads in (1, 2):
             begin = time.perf_counter()
-            table = find_attractors(PARAMETERS, draws, threads=threads).table()
-            settle(starts, 20_000, table, threads)
+            catalogue = find_attractors(PARAMETERS, draws, threads=threads)
+            catalogue.label(starts, 20_000, threads=threads)
             best[threads] = min(best[threads], time.perf_counter() - begin)
             plain[threads] = min(plain[threads], control(threads))
     what = f'basins {size} x {size}, search and grid computed'

@@ -11,8 +11,9 @@ import time
 import numpy as np
 
 from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.offline.catalogue import Catalogue
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import Catalogue, find_attractors, settle
+from gear_rattle_ros.offline.search import find_attractors
 
 from .arbiter import label_of
 
@@ -59,9 +60,8 @@ def compare(peer: str, python: str, size: int, count: int, folder: Path) -> Comp
          str(count)], check=True, stdout=subprocess.PIPE, text=True)
     last = np.load(folder / 'last.npy')
     catalogue = find_attractors(PARAMETERS, plane.random_starts(PARAMETERS, 1000, 1))
-    table = catalogue.table()
     begin = time.perf_counter()
-    result = settle(starts, CAP, table)
+    result = catalogue.label(starts, CAP)
     seconds = time.perf_counter() - begin
     theirs = np.full(len(starts), -1)
     for number, orbit in enumerate(catalogue.orbits):

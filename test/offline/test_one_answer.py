@@ -1,0 +1,212 @@
+"""All tools give one answer to the question which attractors there are."""
+
+import dataclasses
+import math
+
+from grids import basin
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.orbits import Regime, TransientDetector
+from gear_rattle_ros.core.recorded import record_impacts
+from gear_rattle_ros.core.section import shortest_recurrence
+from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.offline.basins import Settings
+from gear_rattle_ros.offline.catalogue import Catalogue, Kind
+from gear_rattle_ros.offline.columns import find_branches, Window
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.search import find_attractors
+
+# (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
+PAPERS = [(alpha, 0.1, 0.1, 0.9) for alpha in (
+    0.002, 0.05, 0.09, 0.2, 0.3, 0.47, 0.48, 0.4942, 0.505, 0.5158, 0.523, 0.529, 0.53, 0.545,
+    0.56476, 0.5655, 0.567, 0.57, 0.5717, 0.574, 0.598, 0.9, 1.0, 1.1, 1.138, 1.15, 1.205, 1.22,
+    1.23, 1.2434, 1.244, 1.26, 1.3654, 1.481, 1.56, 1.7)]
+OTHERS = [
+    (0.1, 0.0, 0.0, 1.0), (1.0, 0.0, 0.3, 1.0), (0.1165, 0.0, 0.16, 0.8), (0.15, 0.1, 0.1, 0.3),
+    (0.3, 0.0, 0.0, 0.5), (0.384, 0.0, 0.0, 0.5), (0.39, 0.0, 0.0, 0.5), (0.5, 0.1, 0.1, 0.0),
+    (5.0, 0.0159, 2.533, 0.9), (5.0, 0.0159, 2.533, 0.7), (1.0, 0.5, 0.05, 0.6),
+    (2.0, 0.02, 0.5, 0.8), (0.3, 0.1, 0.0, 0.9), (20.0, 0.3, 0.1, 0.9), (1.0, 0.1, 0.1, 1.0)]
+FAST = [*((alpha, 0.1, 0.1, 0.9) for alpha in (0.09, 0.48, 0.505, 0.57, 1.15, 1.244)),
+        OTHERS[0], OTHERS[2], OTHERS[3], OTHERS[5], OTHERS[9]]
+
+
+def named(values: tuple[float, ...]) -> str:
+    """Name a set in the output of pytest."""
+    return '-'.join(map(str, values))
+
+
+every_set = pytest.mark.parametrize('values', [
+    *FAST, *(pytest.param(values, marks=pytest.mark.long) for values in (*PAPERS, *OTHERS)
+             if values not in FAST)], ids=named)
+# So many standard errors apart: for some hundred comparisons.
+APART = 4.5
+
+
+def known(catalogue: Catalogue) -> dict[str, float]:
+    """Shares of what is found, by key."""
+    return {each.key: each.share for each in catalogue.attractors}
+
+
+def assert_one_answer(some: dict[str, float], others: dict[str, float], count: int,
+                      other: int) -> None:
+    """Shares agree within the errors of both; what is missing has a share of nothing."""
+    for key in some.keys() | others.keys():
+        a, b = some.get(key, 0.0), others.get(key, 0.0)
+        # As if one more had settled there and one elsewhere.
+        share = (a * count + b * other + 1.0) / (count + other + 2.0)
+        error = math.sqrt(share * (1.0 - share) * (1.0 / count + 1.0 / other))
+        assert abs(a - b) < APART * error + 1.0 / count, (key, some, others)
+
+
+@every_set
+def test_every_tool_finds_the_same(values, tmp_path):
+    """Other initial conditions, orbit diagrams and grids give the same keys and shares."""
+    parameters = Parameters(*values)
+    starts = Plane().random_starts(parameters, 300, 1)
+    first = find_attractors(parameters, starts, hold=20_000)
+    keys = [each.key for each in first.attractors]
+    assert len(set(keys)) == len(keys)
+    assert sum(each.share for each in first.attractors) == pytest.approx(1.0)
+    again = find_attractors(parameters, Plane().random_starts(parameters, 200, 2), hold=20_000)
+    assert_one_answer(known(first), known(again), 300, 200)
+    catalogue, branches = find_branches(parameters, Plane().random_starts(parameters, 96, 3),
+                                        Window(keep=64, bins=10, hold=20_000))
+    assert known(catalogue) == {
+        one.attractor.key: one.attractor.share for one in branches}
+    assert_one_answer(known(first), known(catalogue), 300, 96)
+    plane = Plane(phases=20, velocities=20)
+    _, labels, _, attractors = basin(tmp_path / 'a', plane, parameters, settings=Settings(
+        cap=20_000, starts=100, seed=4, hold=20_000))
+    of = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
+    shares = {of[label]: float(np.mean(labels == label)) for label in np.unique(labels).tolist()}
+    assert_one_answer(known(first), shares, 300, 400)
+
+
+@every_set
+def test_the_live_detector_agrees(values):
+    """What the detector sees in the stream of one initial condition is its label."""
+    parameters = Parameters(*values)
+    starts = Plane().random_starts(parameters, 24, 5)
+    catalogue = find_attractors(parameters, starts, hold=20_000)
+    results = catalogue.label(starts, 20_000)
+    for start, result in zip(starts[:8], results[:8], strict=True):
+        detector = TransientDetector()
+        simulation = Simulation(parameters, State(
+            0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+        periods = 0
+        # An orbit is reported when it has recurred for long.
+        while simulation.impacts < result['impacts'] + 6000 and periods < 20_000:
+            periods += 500
+            detector.update(simulation.advance(periods, 0.0, 200_000))
+        report = detector.report
+        attractor = {each.label: each for each in catalogue.attractors}.get(int(result['label']))
+        kind = attractor.kind if attractor else Kind.UNSETTLED
+        if kind is Kind.PERIODIC and attractor.impacts <= 64:
+            assert report.regime is Regime.ORBIT
+            assert (report.period_impacts, report.period_drive) == (
+                attractor.impacts, attractor.drive_periods)
+        elif kind is Kind.RESTING:
+            assert report.regime is Regime.REST
+        elif kind in (Kind.CHAOTIC, Kind.UNSETTLED, Kind.FLOATING):
+            assert report.regime is Regime.TRANSIENT
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('values', [*PAPERS, *OTHERS], ids=named)
+def test_a_plain_simulation_of_a_million_impacts_agrees(values):
+    """What is chaotic stays so for a million impacts from 32 states; orbits recur to the end."""
+    parameters = Parameters(*values)
+    catalogue = find_attractors(parameters)
+    for each in catalogue.attractors:
+        if each.kind not in (Kind.CHAOTIC, Kind.PERIODIC):
+            continue
+        states = catalogue.states[catalogue.labels == each.label]
+        states = states[np.arange(32) % len(states)].copy()
+        states['velocity'] *= 1.0 + 1e-9 * np.arange(32)
+        impacts = 1_000_000 if each.kind is Kind.CHAOTIC else 20_000
+        rows, counts = record_impacts(states, impacts - 600, 600)
+        assert np.all(counts == 600)
+        for row in rows:
+            q = int(shortest_recurrence(row, 256, 1e-3))
+            if each.kind is Kind.CHAOTIC:
+                assert q == 0
+            elif each.impacts <= 256 and each.orbit.sticks < 0:
+                assert q == each.impacts
+
+
+@pytest.mark.parametrize(('values', 'shares'), [
+    ((0.09,), {'orbit-1-1-U0.9922+0.3307': 0.51, 'unsettled': 0.0}),
+    ((0.56476,), {'orbit-128-64-U5.3984+0.8932': 0.241}),
+    ((5.0, 0.0159, 2.533), {'orbit-250-3-U0.0398+0.2344': 1.0}),
+])
+def test_published_shares(values, shares):
+    """Every initial condition is labelled, however fast its orbit and however late it settles."""
+    parameters = Parameters(*values)
+    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 300, 1))
+    for key, share in shares.items():
+        found = known(catalogue).get(key, 0.0)
+        error = max(math.sqrt(share * (1.0 - share) / 300), 1e-9)
+        assert abs(found - share) < 4.0 * error
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('count', [300, 1000, 3000])
+def test_the_share_of_b_does_not_depend_on_how_many_are_followed(count):
+    """An orbit of 128 impacts, seen at the end of long transients: 24.1 %."""
+    parameters = Parameters(alpha=0.56476)
+    catalogue = find_attractors(parameters, Plane().random_starts(parameters, count, 1))
+    assert len(catalogue.attractors) == 2
+    longest = max(catalogue.attractors, key=lambda each: each.impacts)
+    assert longest.impacts == 128
+    assert abs(longest.share - 0.241) < 4.0 * longest.share_error
+
+
+@pytest.mark.parametrize(('alpha', 'pieces'), [(0.5655, 4), (0.567, 2), (0.57, 1)])
+def test_pieces_of_b(alpha, pieces):
+    """Its bands merge, 4 to 2 at 0.56604 and 2 to 1 at 0.56749: counted in turn on one wall."""
+    parameters = Parameters(alpha=alpha)
+    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 60, 1), hold=10_000)
+    chaos, = (each for each in catalogue.attractors if each.kind is Kind.CHAOTIC)
+    assert chaos.pieces == pieces
+
+
+def test_what_keeps_areas_has_no_attractors():
+    """With r = 1 and beta = 0 the determinant is 1: nothing is called an attractor."""
+    parameters = Parameters(0.1, 0.0, 0.0, 1.0)
+    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 50, 1))
+    only, = catalogue.attractors
+    assert (only.kind, only.share) == (Kind.UNSETTLED, 1.0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('alpha', [0.48, 0.505, 0.57])
+def test_shares_scatter_as_their_errors_say(alpha):
+    """Over 20 seeds the deviations from the mean have the chi-squared distribution."""
+    parameters = Parameters(alpha=alpha)
+    found = [find_attractors(parameters, Plane().random_starts(parameters, 200, seed), hold=10_000)
+             for seed in range(20)]
+    for key in {key for catalogue in found for key in known(catalogue)}:
+        each = [next((one for one in catalogue.attractors if one.key == key), None)
+                for catalogue in found]
+        shares = np.array([one.share if one else 0.0 for one in each])
+        if np.min(shares) * 200 < 5:
+            continue
+        errors = np.array([one.share_error for one in each if one])
+        chi_squared = float(np.sum(((shares - shares.mean()) / errors)**2))
+        # Quantiles 0.001 and 0.999 for 19 degrees of freedom.
+        assert 5.41 < chi_squared < 43.82
+
+
+def test_labels_of_the_catalogue_are_those_of_its_search():
+    """Following the same initial conditions once more gives the same labels."""
+    parameters = Parameters(alpha=0.505)
+    starts = Plane().random_starts(parameters, 200, 6)
+    catalogue = find_attractors(parameters, starts, hold=10_000)
+    assert np.array_equal(catalogue.label(starts)['label'], catalogue.labels)
+    # An orbit that is added later gets the last label.
+    orbit = catalogue.orbits[0]
+    fewer = dataclasses.replace(catalogue, orbits=catalogue.orbits[1:])
+    assert fewer.with_orbits((orbit,)).attractors[len(catalogue.orbits) - 1].key == orbit.key
