@@ -157,19 +157,19 @@ def layout_of(diagram: Diagram) -> Layout:
          Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
          Variable('kind', slot, '|i1', {
              'long_name': 'what it is: ' + ', '.join(
-                 f'{k} {name}' for k, name in enumerate(KINDS)) + ', -1 nothing'}, -1),
+                 f'{k} {name}' for k, name in enumerate(KINDS)) + ', -1 nothing'}),
          Variable('period_impacts', slot, '<i4', {
              'long_name': 'period, 0 off a periodic orbit', 'units': 'impacts'}),
          Variable('period_drive', slot, '<i4', {
              'long_name': 'period, 0 off a periodic orbit', 'units': 'drive periods'}),
          Variable('exponent', slot, '<f8', {
-             'long_name': 'largest Lyapunov exponent per impact', **one}, math.nan),
+             'long_name': 'largest Lyapunov exponent per impact', **one}),
          Variable('exponent_error', slot, '<f8', {
-             'long_name': 'standard error; 0 from exact multipliers', **one}, math.nan),
+             'long_name': 'standard error; 0 from exact multipliers', **one}),
          Variable('exact_sum', slot, '<f8', {
-             'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}, math.nan),
+             'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}),
          Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
-             'long_name': 'last state of the trajectories that are followed'}, math.nan)),
+             'long_name': 'last state of the trajectories that are followed'})),
         identity)
 
 

@@ -82,7 +82,7 @@ def compute_exponents(parameters: Parameters, plane: Plane, run: cli.Run, count:
               {'long_name': 'initial drive phase', 'units': 'rad'}, EDGE)),
         (Variable('exponent', ('velocity', 'phase'), '<f8', {
             'long_name': f'largest finite-time exponent per impact over {count} impacts; -inf '
-                         'where the mass sticks, nan where it floats', 'units': '1'}, np.nan),),
+                         'where the mass sticks, nan where it floats', 'units': '1'}),),
         identity_of(NAME, parameters, plane, impacts=count,
                     size=[plane.phases, plane.velocities]),
         {'title': 'Finite-time exponents of the gear-rattling model'})

@@ -24,6 +24,7 @@ from .groups import (
     open_group,
     reading,
     set_attributes,
+    to_write,
     write_array,
     write_axis,
 )
@@ -111,7 +112,7 @@ class Store:
 
         """
         for name, value in values.items():
-            array = self._group[name]
+            array = to_write(self._group, name)
             array[self._place(array, tile)] = np.asarray(value)
 
     def read(self, tile: int, name: str) -> npt.NDArray[Any]:
@@ -307,8 +308,8 @@ class Store:
 
     def _write_marks(self) -> None:
         # In this order: what is marked has its checksum.
-        self._group[CHECKSUMS][:] = self._checksums
-        self._group[DONE][:] = self._done
+        to_write(self._group, CHECKSUMS)[:] = self._checksums
+        to_write(self._group, DONE)[:] = self._done
 
     def _place(self, array: Any, tile: int) -> tuple[slice, ...]:
         region = self.tiles[tile]
@@ -339,8 +340,7 @@ def open_dataset(path: Path | str) -> 'xarray.Dataset':
     path = Path(path)
     require_whole(path)
     form: dict[str, Any] = {} if OF_ZARR_2 else {'zarr_format': 2}
-    dataset = xarray.open_zarr(str(path), consolidated=True, chunks=None, mask_and_scale=False,
-                               **form)
+    dataset = xarray.open_zarr(str(path), consolidated=True, chunks=None, **form)
     return dataset.drop_vars([DONE, CHECKSUMS])
 
 
