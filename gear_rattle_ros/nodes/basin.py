@@ -20,6 +20,7 @@ from .scales import nice_limit
 from .shell import run_node, ShellNode, StartError
 from ..core.classify import FLOATING, UNRESOLVED
 from ..core.model import Parameters
+from ..core.words import counted
 from ..messages import (
     cloud_from_records,
     diagnostic_array,
@@ -327,7 +328,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
     plane, parameters = basins.plane, wanted.parameters
     unresolved = basins.share(UNRESOLVED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
-             f'{len(found)} attractors, {unresolved:.1%} unresolved')
+             f'{counted(len(found), "attractor")}, {unresolved:.1%} unresolved')
     state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
         'plane': 'section' if settings.on_walls else 'displacement',

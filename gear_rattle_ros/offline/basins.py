@@ -16,11 +16,13 @@ from .attractors import (
     write_attractors,
 )
 from .grid import Plane
+from .listing import listed
 from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
 from .store import Store
 from .tiles import compute_grid, grid_layout, open_grid
 from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
+from ..core.words import counted
 
 NAME: Final = 'basins'
 CAP: Final = 20_000
@@ -260,11 +262,9 @@ def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings)
     except KeyboardInterrupt:
         return cli.say_stopped(run)
     counts = count_labels(store)
-    cells = plane.phases * plane.velocities
-    for each in attractors:
-        print(f'{counts.get(each.label, 0) / cells:8.3%} of the grid  {each.describe()}')
-    print(f'{counts.get(UNRESOLVED, 0) / cells:8.3%} of the grid   unresolved after '
-          f'{settings.cap:,} impacts: {counts.get(UNRESOLVED, 0):,} starts')
+    print(listed(attractors, counts))
+    print(f'unsettled after {counted(settings.cap, "impact")}: {counts.get(UNRESOLVED, 0):,} of '
+          f'{counted(plane.phases * plane.velocities, "cell")}')
 
     def draw() -> cli.Figure:
         from .pictures import draw_basins, in_words, thinned

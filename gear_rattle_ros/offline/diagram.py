@@ -70,9 +70,9 @@ class Diagram:
             raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the '
                              'lower end first')
         if not 2 <= self.columns <= 100_000:
-            raise ValueError(f'{self.columns} columns are not between 2 and 100000')
+            raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
-            raise ValueError(f'{self.trajectories} trajectories are not between 1 and 100000')
+            raise ValueError(f'trajectories = {self.trajectories} is not between 1 and 100000')
 
     @property
     def values(self) -> FloatArray:

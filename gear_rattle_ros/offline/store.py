@@ -29,6 +29,7 @@ from .groups import (
     write_axis,
 )
 from .layout import Layout, Variable
+from ..core.words import counted
 
 if TYPE_CHECKING:
     import xarray
@@ -284,9 +285,9 @@ class Store:
         damaged = [tile for tile, is_whole in marked.items() if not is_whole]
         if damaged:
             names = ', '.join(str(tile) for tile in damaged[:8])
-            found.append(f'{len(damaged)} of {len(marked)} finished tiles are not as they were '
-                         f'written ({names}{", ..." if len(damaged) > 8 else ""}); they are '
-                         'computed anew')
+            found.append(f'{len(damaged)} of {counted(len(marked), "finished tile")} must be '
+                         f'computed anew ({names}{", ..." if len(damaged) > 8 else ""}), for '
+                         'what was written is damaged')
             self._done[damaged] = 0
             self._write_marks()
         # Zarr may read a chunk to write a part of it, which fails where it is torn.
@@ -363,6 +364,7 @@ def require_whole(path: Path) -> None:
     documents.require_plain_files(path)
     checksums.require_attributes(path)
     if store.pending():
-        raise StoreError(f'{path}: {len(store.pending())} of {len(store.tiles)} tiles are not '
-                         'done; go on with --resume')
+        raise StoreError(f'{path}: {len(store.pending())} of '
+                         f'{counted(len(store.tiles), "tile")} must still be done; go on with '
+                         '--resume')
     checksums.require_whole(path, store.marked())

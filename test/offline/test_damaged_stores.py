@@ -155,9 +155,9 @@ def test_a_damaged_tile_is_computed_anew(copy, capsys, what):
     store = make_store(copy, LAYOUT, 'command', resume=True)
     assert store.pending() == [4]
     assert capsys.readouterr().err == (
-        f'test: {copy}: 1 of 9 finished tiles are not as they were written (4); they are computed '
-        'anew\n')
-    with pytest.raises(StoreError, match='1 of 9 tiles are not done; go on with --resume'):
+        f'test: {copy}: 1 of 9 finished tiles must be computed anew (4), for what was written is '
+        'damaged\n')
+    with pytest.raises(StoreError, match='1 of 9 tiles must still be done; go on with --resume'):
         open_dataset(copy)
     assert judge(copy) == ''
 
