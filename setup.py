@@ -90,7 +90,9 @@ setup(
         'rerun-sdk>=0.39',
         'rich',
         'xarray',
-        'zarr',
+        # The first of its third line that can be told to write chunks of zeros, too.
+        'zarr>=2.18; python_version < "3.11"',
+        'zarr>=3.1.6; python_version >= "3.11"',
     ],
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={

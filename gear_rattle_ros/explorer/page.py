@@ -22,6 +22,7 @@ from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import BASINS, KINDS, View
 from .worker import Worker
 from ..core.model import Parameters
+from ..core.words import counted
 
 TITLE = 'Gear rattle explorer'
 # Phase [rad], displacement and velocity [1] of the trajectory that is shown at first.
@@ -184,10 +185,11 @@ class Page:
         state = trajectory.state
         words = (f'motion from phase {state.phase:.10g}, s = {state.displacement:g}, velocity '
                  f'{state.velocity:.10g}')
+        impacts = counted(len(trajectory.phases), 'impact')
         if trajectory.rests:
-            return f'{words}: rests for ever after {len(trajectory.phases)} impacts'
+            return f'{words}: rests for ever after {impacts}'
         if trajectory.sticks:
-            words += f': sticks {trajectory.sticks} times in {len(trajectory.phases)} impacts'
+            words += f': sticks {counted(trajectory.sticks, "time")} in {impacts}'
         return words
 
     def _send(self) -> None:

@@ -21,6 +21,7 @@ from .shell import run_node, ShellNode, StartError
 from ..core.chaos import BRIEF
 from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
+from ..core.words import counted
 from ..messages import (
     cloud_from_records,
     diagnostic_array,
@@ -328,7 +329,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
     plane, parameters = basins.plane, wanted.parameters
     unresolved = basins.share(UNRESOLVED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
-             f'{sum(each.label != UNRESOLVED for each in found)} attractors, '
+             f'{counted(sum(each.label != UNRESOLVED for each in found), "attractor")}, '
              f'{unresolved:.1%} unsettled')
     state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,

@@ -10,6 +10,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from ..core.words import counted
+
 
 @dataclasses.dataclass
 class Status:
@@ -44,11 +46,13 @@ class Status:
     def line(self) -> str:
         """Return everything on one line, where there is no terminal."""
         return (
-            f'{self.time()}: {self.impacts} impacts, {self.impacts_per_second:.0f}/s, alpha '
-            f'{self.alpha:g}, lambda_1 {self.exponent("lambda_1", "lambda_1_error")}, lambda_2 '
-            f'{self.exponent("lambda_2", "lambda_2_error")}, sum {self.exponent("sum")} (exact '
-            f'{self.exponent("exact_sum")}), {self.trajectory or "-"}, '
-            f'{sum(self.gaps.values())} gaps, bag {self.bag_bytes / 1e6:.1f} MB')
+            f'{self.time()}: {counted(self.impacts, "impact")}, '
+            f'{self.impacts_per_second:.0f}/s, alpha {self.alpha:g}, '
+            f'lambda_1 {self.exponent("lambda_1", "lambda_1_error")}, '
+            f'lambda_2 {self.exponent("lambda_2", "lambda_2_error")}, '
+            f'sum {self.exponent("sum")} (exact {self.exponent("exact_sum")}), '
+            f'{self.trajectory or "-"}, {counted(sum(self.gaps.values()), "gap")}, '
+            f'bag {self.bag_bytes / 1e6:.1f} MB')
 
 
 def render(status: Status) -> Panel:
@@ -58,7 +62,8 @@ def render(status: Status) -> Panel:
     table.add_column()
     gaps, lost = sum(status.gaps.values()), sum(status.lost.values())
     where = ', '.join(f'{escape(name)} {count}' for name, count in status.lost.items() if count)
-    whole = '[green]none[/]' if not gaps else f'[red]{gaps}, {lost} impacts lost: {where}[/]'
+    whole = '[green]none[/]' if not gaps else (
+        f'[red]{gaps}, {counted(lost, "impact")} lost: {where}[/]')
     exponents = status.exponents
     finite = status.exponent('lambda_1_finite')
     for name, value in (
@@ -67,11 +72,11 @@ def render(status: Status) -> Panel:
         ('impacts per second', f'{status.impacts_per_second:,.0f}'),
         ('alpha [1]', f'{status.alpha:g}'),
         ('lambda_1 per impact', status.exponent('lambda_1', 'lambda_1_error')),
-        (f'  last {exponents.get("window", 0):.0f} impacts', finite),
+        (f'  last {counted(exponents.get("window", 0), "impact")}', finite),
         ('lambda_2 per impact', status.exponent('lambda_2', 'lambda_2_error')),
         ('sum', status.exponent('sum')),
         ('  exact sum', status.exponent('exact_sum')),
-        ('averaged over', f'{exponents.get("impacts", 0):,.0f} impacts'),
+        ('averaged over', counted(exponents.get('impacts', 0), 'impact')),
         ('trajectory', escape(status.trajectory) or '-'),
         ('gaps', whole),
         ('bag', f'{status.bag_bytes / 1e6:.1f} MB'),

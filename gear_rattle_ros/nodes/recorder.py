@@ -19,6 +19,7 @@ from .dds_room import ReadingNode
 from .recording import Received, Recording
 from .shell import HoleLog, run_node, ShellNode, StartError
 from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
+from ..core.words import counted
 from ..parameters import RECORDER
 from ..qos import STREAM_INPUT
 
@@ -156,9 +157,9 @@ class Recorder(ReadingNode):
             return 'error', f'stopped: {recording.failure}', values
         level, message = self._holes.status()
         if level == 'ok':
-            odd = [f'{number} messages of {name} lost on the way'
+            odd = [f'{counted(number, "message")} of {name} lost on the way'
                    for name, number in self._lost().items()]
-            odd += [f'{self._garbled} messages garbled'] if self._garbled else []
+            odd += [f'{counted(self._garbled, "message")} garbled'] if self._garbled else []
             level, message = ('warn', ', '.join(odd)) if odd else ('ok', 'recording')
         return level, message, values
 
@@ -174,13 +175,15 @@ class Recorder(ReadingNode):
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
         odd = ''.join(
-            f', {number} messages of {name} lost on the way'
+            f', {counted(number, "message")} of {name} lost on the way'
             for name, number in self._lost().items())
         odd += f', {self._superseded()} superseded' if self._superseded() else ''
         odd += f', {self._garbled} garbled' if self._garbled else ''
-        odd += f', {recording.unreadable} batches unreadable' if recording.unreadable else ''
-        print(f'recorded {recording.impacts} impacts in {recording.messages} messages, '
-              f'{recording.guard.lost} lost ({recording.guard.gaps} gaps){odd}, '
+        odd += f', {counted(recording.unreadable, "batch")} unreadable' if recording.unreadable \
+            else ''
+        print(f'recorded {counted(recording.impacts, "impact")} in '
+              f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
+              f'({counted(recording.guard.gaps, "gap")}){odd}, '
               f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
 
     def _lost(self) -> dict[str, int]:
@@ -223,7 +226,7 @@ class Recorder(ReadingNode):
             self._is_failure_told = True
             self.get_logger().error(
                 f'{self._recording.failure}; recording has stopped, '
-                f'{self._recording.messages} messages are kept')
+                f'{counted(self._recording.messages, "message")} kept')
 
 
 def _definition(type_name: str) -> str:

@@ -16,6 +16,7 @@ from .dds_room import StreamingNode
 from .playing import Output, Playing, Span, WINDOW
 from .shell import run_node, StartError
 from ..bags import Bag, BagError, Topic
+from ..core.words import counted
 from ..messages import stamp_from_nanoseconds
 from ..parameters import REPLAY
 from ..qos import CLOCK
@@ -76,7 +77,8 @@ class Replay(StreamingNode):
             print(f'replay: {playing.failure}', file=sys.stderr, flush=True)
         position = (playing.position - self._bag.start) / 1e9
         duration = (self._bag.end - self._bag.start) / 1e9
-        print(f'replayed {playing.messages} messages on {self._topics} topics, '
+        print(f'replayed {counted(playing.messages, "message")} on '
+              f'{counted(self._topics, "topic")}, '
               f'{"complete" if playing.rounds else "stopped"} at {position:.3f} s of '
               f'{duration:.3f} s, from {self._bag.path}', flush=True)
 

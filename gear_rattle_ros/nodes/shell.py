@@ -35,6 +35,7 @@ from .arguments import (
 from .services import harden
 from ..core.model import EventArray
 from ..core.stream import StreamGuard
+from ..core.words import counted
 from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
 from ..parameters import declare, shown, Specification
 from ..qos import STREAM_INPUT
@@ -188,7 +189,7 @@ class HoleLog:
             latest = list(guard.holes)[-fresh:]
             words = '; '.join(hole.describe() for hole in latest[:SAID_AT_ONCE])
             rest = fresh - min(len(latest), SAID_AT_ONCE)
-            more = f'; and {rest} more gaps' if rest else ''
+            more = f'; and {counted(rest, "more gap")}' if rest else ''
             self._node.get_logger().warning(f'lost: {words}{more}; {self._consequence}')
         if restarts != self._said[1]:
             self._node.get_logger().info(f'the stream has begun anew; {self._consequence}')
@@ -207,7 +208,8 @@ class HoleLog:
         if not self._joined:
             return 'ok', 'no impacts yet'
         if self._guard.gaps:
-            return 'warn', f'{self._guard.lost} impacts lost in {self._guard.gaps} gaps'
+            return 'warn', (f'{counted(self._guard.lost, "impact")} lost in '
+                            f'{counted(self._guard.gaps, "gap")}')
         return 'ok', 'whole'
 
     def counts(self) -> dict[str, object]:

@@ -19,6 +19,7 @@ from .shell import run_node
 from ..core.fingerprint import fingerprint
 from ..core.model import EventArray, Parameters, State
 from ..core.simulation import Simulation
+from ..core.words import counted
 from ..messages import (
     cloud_from_events,
     drive_time_nanoseconds,
@@ -91,7 +92,7 @@ class Simulator(StreamingNode):
         waiting = self._acknowledged.waiting_since
         level, message = 'ok', 'running'
         if self._awaited:
-            message = f'waiting for {self._awaited} readers'
+            message = f'waiting for {counted(self._awaited, "reader")}'
         elif self._paused:
             message = 'paused'
         elif self._rate == 0.0 and waiting is not None and now - waiting > 1.0:
@@ -124,7 +125,7 @@ class Simulator(StreamingNode):
     def _tick(self) -> None:
         periods = self._by_clock.due(self._rate)
         if self._awaited and self._impacts.get_subscription_count() >= self._awaited:
-            self.get_logger().info(f'{self._awaited} readers are here')
+            self.get_logger().info(f'{counted(self._awaited, "reader")} joined')
             self._awaited = 0
         if self._awaited:
             time.sleep(IDLE)

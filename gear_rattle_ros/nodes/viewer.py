@@ -18,6 +18,7 @@ from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
 from .viewer_sinks import add_index, chosen_mode, file_recording, Window
 from ..core.model import EVENT, EventArray
 from ..core.reconstruction import rebuild
+from ..core.words import counted
 from ..parameters import VIEWER
 from ..qos import LATCHED, STREAM
 
@@ -185,7 +186,7 @@ class Viewer(ReadingNode):
             lines += [f'λ1 = {e["lambda_1"]:.5f} ± {e["lambda_1_error"]:.5f}',
                       f'λ2 = {e["lambda_2"]:.5f} ± {e["lambda_2_error"]:.5f}',
                       f'λ1 + λ2 = {e["sum"]:.6f}, exact {e["exact_sum"]:.6f}',
-                      f'over {e["impacts"]:,.0f} impacts']
+                      f'over {counted(e["impacts"], "impact")}']
         if self._basin is not None:
             lines += ['', '**Basins** ' + self._basin.words[0], *self._basin.words[1:]]
         # Two blanks make Markdown break the line.

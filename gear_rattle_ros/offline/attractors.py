@@ -13,6 +13,7 @@ from . import cli, options
 from .catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
 from .grid import Plane
 from .layout import Layout
+from .listing import listed
 from .search import CONSERVES, conserves_areas, find_attractors, STARTS
 from .store import Store
 from .store_making import make_store
@@ -21,21 +22,6 @@ from ..core.model import Parameters
 NAME: Final = 'attractors'
 TITLE: Final = 'Attractors of the gear-rattling model'
 TableOfArrays = dict[str, tuple[tuple[str, ...], npt.ArrayLike, Mapping[str, Any]]]
-
-
-def describe(attractor: Attractor) -> str:
-    """Put an attractor in one line."""
-    share = f'{100.0 * attractor.share:.2f} +- {100.0 * attractor.share_error:.2f} %'
-    words = f'{attractor.label:3d}  {attractor.key:32s} {share:>18s}  {attractor.kind.value}'
-    if attractor.kind is Kind.PERIODIC:
-        largest = max(abs(value) for value in attractor.multipliers)
-        words += (f': {attractor.impacts} impacts in {attractor.drive_periods} drive periods, '
-                  f'largest multiplier {largest:.6f}')
-    if attractor.kind is Kind.CHAOTIC:
-        (first, second), errors = attractor.exponents, attractor.errors
-        words += (f': {attractor.pieces} pieces, exponents {first:.5f} +- {errors[0]:.5f}, '
-                  f'{second:.5f} +- {errors[1]:.5f}')
-    return words
 
 
 def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
@@ -190,8 +176,7 @@ def main(arguments: list[str] | None = None) -> int:
         store.mark(0)
         if conserves_areas(parameters):
             print(CONSERVES)
-        for each in catalogue.attractors:
-            print(describe(each))
+        print(listed(catalogue))
 
         def draw() -> cli.Figure:
             from .pictures import draw_section

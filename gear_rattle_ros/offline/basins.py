@@ -8,14 +8,16 @@ from typing import Final
 import numpy as np
 
 from . import cli, options
-from .attractors import describe, identity_of, require_tolerance, write_attractors
+from .attractors import identity_of, require_tolerance, write_attractors
 from .catalogue import Catalogue, HOLD, TOLERANCE
 from .grid import Plane
+from .listing import listed
 from .search import find_attractors, STARTS
 from .store import Store
 from .tiles import compute_grid, grid_layout, open_grid
 from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
+from ..core.words import counted
 
 NAME: Final = 'basins'
 CAP: Final = 20_000
@@ -241,11 +243,9 @@ def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings)
     except KeyboardInterrupt:
         return cli.say_stopped(run)
     counts = count_labels(store)
-    cells = plane.phases * plane.velocities
-    for each in catalogue.attractors:
-        print(f'{counts.get(each.label, 0) / cells:8.3%} of the grid  {describe(each)}')
-    print(f'{counts.get(UNRESOLVED, 0) / cells:8.3%} of the grid   unresolved after '
-          f'{settings.cap:,} impacts: {counts.get(UNRESOLVED, 0):,} starts')
+    print(listed(catalogue, counts))
+    print(f'unsettled after {counted(settings.cap, "impact")}: {counts.get(UNRESOLVED, 0):,} of '
+          f'{counted(plane.phases * plane.velocities, "cell")}')
 
     def draw() -> cli.Figure:
         from .pictures import draw_basins, in_words, thinned

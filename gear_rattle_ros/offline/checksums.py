@@ -1,8 +1,8 @@
 """
 Whether the chunks of a store and its attributes are as they were written.
 
-Zarr trusts its files: a chunk that is missing is read as the fill value, and one in the place of
-another as that one. So their bytes have checksums.
+Zarr trusts its files: a chunk that is missing is read as anything, and one in the place of another
+as that one. So their bytes have checksums.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,6 +25,7 @@ from .documents import (
 )
 
 CHECKSUM: Final = 'checksum'
+BITS: Final = 0x7fffffff
 
 
 def attributes_checksum(attributes: Mapping[str, Any]) -> int:
@@ -39,12 +40,12 @@ def attributes_checksum(attributes: Mapping[str, Any]) -> int:
     Returns
     -------
     int
-        32 bits.
+        31 bits, as old forms of NetCDF know no more.
 
     """
     text = json.dumps({name: value for name, value in attributes.items() if name != CHECKSUM},
                       sort_keys=True)
-    return zlib.crc32(text.encode())
+    return zlib.crc32(text.encode()) & BITS
 
 
 def require_attributes(path: Path) -> None:
@@ -76,12 +77,12 @@ def chunks_checksum(files: Sequence[Path]) -> int:
     Parameters
     ----------
     files : sequence of Path
-        Their files; where all is the fill value there is none.
+        Their files.
 
     Returns
     -------
     int
-        32 bits, never 0.
+        31 bits, never 0.
 
     """
     total = 0
@@ -93,7 +94,7 @@ def chunks_checksum(files: Sequence[Path]) -> int:
         # The length, so that no byte can move from one chunk to the next.
         head = f'{file.parent.name}/{file.name} {-1 if content is None else len(content)} '
         total = zlib.crc32(content or b'', zlib.crc32(head.encode(), total))
-    return total or 1
+    return total & BITS or 1
 
 
 def tile_files(path: Path, variables: Mapping[str, Sequence[str]],
@@ -132,7 +133,7 @@ def table_checksum(folder: Path) -> int:
     Returns
     -------
     int
-        32 bits.
+        31 bits.
 
     Raises
     ------
@@ -170,7 +171,7 @@ def has_table(folder: Path) -> bool:
         return False
 
 
-def read_marks(path: Path, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint32]]:
+def read_marks(path: Path, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32]]:
     """
     Read marks and checksums of all tiles.
 
@@ -195,7 +196,7 @@ def read_marks(path: Path, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArr
         size = count * np.dtype(dtype).itemsize
         return np.frombuffer(content if len(content) == size else bytes(size), dtype).copy()
 
-    return read(DONE, '|u1'), read(CHECKSUMS, '<u4')
+    return read(DONE, '|u1'), read(CHECKSUMS, '<i4')
 
 
 def require_whole(path: Path, marked: Mapping[int, bool]) -> None:

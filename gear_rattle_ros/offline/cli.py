@@ -18,6 +18,7 @@ from .options import whole
 from .plain import attempt, INTERRUPTED
 from .progress import Progress, telling_of_compilation
 from .store import Store, StoreError
+from ..core.words import counted
 
 PACKAGE: Final = 'gear_rattle_ros'
 # Endings of pictures.
@@ -192,7 +193,7 @@ def say_stopped(run: Run) -> int:
         done = total - len(store.pending())
     except StoreError:
         done = total = 0
-    print(f'{run.name}: stopped; {done:,} of {total:,} tiles are kept in {run.output}; go on '
+    print(f'{run.name}: stopped; {run.output} keeps {done:,} of {counted(total, "tile")}; go on '
           f'with: {run.how_to_resume()}', file=sys.stderr)
     return INTERRUPTED
 

@@ -38,6 +38,7 @@ from .tangency import (
     Tangency,
 )
 from ..core.model import Parameters
+from ..core.words import counted, in_columns
 
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058
@@ -165,19 +166,20 @@ def report(store: Store, law: LifetimeLaw) -> str:
     alpha, apart = a['tangency_alpha'], law.alpha_c - a['tangency_alpha']
     inside = PAPER_BRACKET[0] < alpha < PAPER_BRACKET[1]
     lines = [
-        f'captor and saddle of {a["saddle_impacts"]} impacts in {a["saddle_drive_periods"]} drive '
-        f'period, born in a fold at alpha = {a["fold_alpha"]:.9f}',
-        f'tangency of its manifolds:  alpha_c = {alpha:.10f} +- '
-        f'{a["tangency_uncertainty"]:.1g};  exponent for a homoclinic tangency '
-        f'{a["tangency_exponent"]:.4f}',
-        f'escape rates, all fitted:   alpha_c = {law.alpha_c:.7f} +- '
-        f'{law.alpha_c_error:.1g};  exponent {law.exponent:.3f} +- {law.exponent_error:.3f}  '
-        f'(chi^2 per degree of freedom {law.chi_square:.1f})',
-        f'escape rates, alpha_c of the tangency: exponent {a["exponent_at_tangency"]:.3f} +- '
-        f'{a["exponent_at_tangency_error"]:.3f}',
+        f'captor and saddle of {counted(a["saddle_impacts"], "impact")} in '
+        f'{counted(a["saddle_drive_periods"], "drive period")}, born in a fold at alpha = '
+        f'{a["fold_alpha"]:.9f}',
+        in_columns(['found from', 'alpha_c [1]', 'exponent of the lifetime [1]'], [
+            ['tangency of its manifolds', f'{alpha:.10f} +- {a["tangency_uncertainty"]:.1g}',
+             f'{a["tangency_exponent"]:.4f} for a homoclinic one'],
+            ['escape rates', f'{law.alpha_c:.7f} +- {law.alpha_c_error:.1g}',
+             f'{law.exponent:.3f} +- {law.exponent_error:.3f}, chi^2 per degree of freedom '
+             f'{law.chi_square:.1f}'],
+            ['escape rates, alpha_c given', f'{alpha:.10f}',
+             f'{a["exponent_at_tangency"]:.3f} +- {a["exponent_at_tangency_error"]:.3f}']]),
         f'both places differ by {apart:.1g}, {abs(apart) / law.alpha_c_error:.1f} standard errors',
-        f'before it, at alpha = {store.read_all("alpha")[0]:.7f}: {before.escapes} escapes in '
-        f'{before.at_risk:.3g} impacts',
+        f'before it, at alpha = {store.read_all("alpha")[0]:.7f}: '
+        f'{counted(before.escapes, "escape")} in {before.at_risk:.3g} impacts',
         f'the paper prints alpha_c = {PAPER}; the difference is {alpha - PAPER:+.7f}, and its '
         f'bracket {PAPER_BRACKET[0]:.3f} to {PAPER_BRACKET[1]:.3f} '
         f'{"holds" if inside else "does not hold"} what is found here']

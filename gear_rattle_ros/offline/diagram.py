@@ -73,9 +73,9 @@ class Diagram:
             raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the '
                              'lower end first')
         if not 2 <= self.columns <= 100_000:
-            raise ValueError(f'{self.columns} columns are not between 2 and 100000')
+            raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
-            raise ValueError(f'{self.trajectories} trajectories are not between 1 and 100000')
+            raise ValueError(f'trajectories = {self.trajectories} is not between 1 and 100000')
 
     @property
     def values(self) -> FloatArray:
@@ -157,23 +157,23 @@ def layout_of(diagram: Diagram) -> Layout:
          Axis('state', np.array(STATE), {'long_name': 'phase [rad], displacement, velocity [1]'})),
         (Variable('count', (*slot, 'velocity'), '<u4', {
             'long_name': 'impacts counted', **one}),
-         Variable('key', slot, KEY, {'long_name': 'name of the attractor, empty for none'}, ''),
+         Variable('key', slot, KEY, {'long_name': 'name of the attractor, empty for none'}),
          Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
          Variable('kind', slot, '|i1', {
              'long_name': 'what it is: ' + ', '.join(
-                 f'{k} {name}' for k, name in enumerate(KINDS)) + ', -1 nothing'}, -1),
+                 f'{k} {name}' for k, name in enumerate(KINDS)) + ', -1 nothing'}),
          Variable('period_impacts', slot, '<i4', {
              'long_name': 'period, 0 off a periodic orbit', 'units': 'impacts'}),
          Variable('period_drive', slot, '<i4', {
              'long_name': 'period, 0 off a periodic orbit', 'units': 'drive periods'}),
          Variable('exponent', slot, '<f8', {
-             'long_name': 'largest Lyapunov exponent per impact', **one}, math.nan),
+             'long_name': 'largest Lyapunov exponent per impact', **one}),
          Variable('exponent_error', slot, '<f8', {
-             'long_name': 'standard error; 0 from exact multipliers', **one}, math.nan),
+             'long_name': 'standard error; 0 from exact multipliers', **one}),
          Variable('exact_sum', slot, '<f8', {
-             'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}, math.nan),
+             'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}),
          Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
-             'long_name': 'last state of the trajectories that are followed'}, math.nan)),
+             'long_name': 'last state of the trajectories that are followed'})),
         identity)
 
 

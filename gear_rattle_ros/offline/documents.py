@@ -140,7 +140,7 @@ def tiles_of(path: Path) -> dict[str, tuple[int, int]]:
     given = read_document(place).get('tiles')
     wrong = StoreError(f'{place} is damaged: tiles = {shortened(given)} are none; {ELSE}')
     cuts: dict[str, tuple[int, int]] = {}
-    for item in given if isinstance(given, list) else [None]:
+    for item in _list_of(given):
         if not isinstance(item, list) or len(item) != 3 or type(item[0]) is not str or not all(
                 type(number) is int for number in item[1:]) or item[0] in cuts:
             raise wrong
@@ -151,8 +151,8 @@ def tiles_of(path: Path) -> dict[str, tuple[int, int]]:
     count = math.prod(-(-size // step) for size, step in cuts.values())
     if count > TILES_MOST:
         raise wrong
-    for name, dtype in ((DONE, '|u1'), (CHECKSUMS, '<u4')):
-        require_array(path / name, ('tile',), (count,), (count,), dtype, 0)
+    for name, dtype in ((DONE, '|u1'), (CHECKSUMS, '<i4')):
+        require_array(path / name, ('tile',), (count,), (count,), dtype)
     return cuts
 
 
@@ -179,7 +179,7 @@ def variables_of(path: Path) -> dict[str, list[str]]:
     place = path / DONE / '.zattrs'
     given = read_document(place).get('variables')
     found: dict[str, list[str]] = {}
-    for name in given if isinstance(given, list) else [None]:
+    for name in _list_of(given):
         if not isinstance(name, str) or not name.isidentifier():
             raise StoreError(f'{place} is damaged: variables = {shortened(given)} are no names; '
                              f'{ELSE}')
@@ -192,7 +192,7 @@ def variables_of(path: Path) -> dict[str, list[str]]:
 
 
 def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
-                  chunks: Sequence[int], dtype: str, fill: Any) -> None:
+                  chunks: Sequence[int], dtype: str) -> None:
     """
     Hold the documents of an array against what they should say.
 
@@ -206,8 +206,6 @@ def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
         Lengths of the array and of its chunks.
     dtype : str
         Type of its elements.
-    fill : object
-        Value where nothing is written.
 
     Raises
     ------
@@ -218,7 +216,7 @@ def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
     is_mark = folder.name in (DONE, CHECKSUMS)
     expected = {
         'zarr_format': 2, 'shape': list(shape), 'chunks': [max(1, n) for n in chunks],
-        'dtype': dtype, 'fill_value': 'NaN' if fill != fill else fill, 'order': 'C',
+        'dtype': dtype, 'fill_value': None, 'order': 'C',
         'filters': None, 'compressor': None if is_mark else dict(COMPRESSOR),
         'dimension_separator': '.'}
     document = read_document(folder / '.zarray')
@@ -268,13 +266,13 @@ def require_layout(path: Path, layout: Layout, cuts: Mapping[str, tuple[int, int
     for axis in layout.axes:
         values = np.asarray(axis.values)
         require_array(path / axis.name, (axis.name,), values.shape, values.shape,
-                      values.dtype.str, '' if values.dtype.kind == 'U' else 0)
+                      values.dtype.str)
     for variable in layout.variables:
         require_array(
             path / variable.name, variable.dimensions,
             [sizes[name] for name in variable.dimensions],
             [cuts[name][1] if name in cuts else sizes[name] for name in variable.dimensions],
-            variable.dtype, variable.fill)
+            variable.dtype)
 
 
 def is_consolidated(path: Path) -> bool:
@@ -343,6 +341,15 @@ def shortened(value: object) -> str:
     except (RecursionError, ValueError):
         text = type(value).__name__
     return text if len(text) <= 80 else f'{text[:77]}...'
+
+
+def _list_of(given: Any) -> list[Any]:
+    """Read an attribute that is a list as JSON; what is none is a list of nothing."""
+    try:
+        found = json.loads(given)
+    except (TypeError, ValueError, RecursionError):
+        found = None
+    return found if isinstance(found, list) else [None]
 
 
 def _require(place: Path, found: Mapping[str, Any], expected: Mapping[str, Any]) -> None:

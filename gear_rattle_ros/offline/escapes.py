@@ -17,7 +17,7 @@ from .search import find_attractors
 from .store import Store
 from .store_making import make_store
 from .tangency import Tangency
-from ..core.escape import CAPTURED, last_until_captured, STEPS, SURVIVED, UNUSED
+from ..core.escape import CAPTURED, last_until_captured, STEPS, SURVIVED
 from ..core.lanes import new_impacts, new_tiles
 from ..core.lanes_step import LANES
 from ..core.model import Parameters
@@ -110,7 +110,7 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
             'units': 'impacts'}),
          Variable('fate', ('alpha', 'part', 'trajectory'), '|i1', {
              'long_name': '1 captured, 0 given up, 2 settled on another stable orbit, -1 came '
-             'to rest, -2 not begun'}, UNUSED)),
+             'to rest, -2 not begun'})),
         {'tool': 'crisis', 'beta': p.beta, 'gamma': p.gamma, 'restitution': p.restitution,
          'alphas': list(escapes.alphas), 'escapes_wanted': escapes.wanted,
          'seed': escapes.seed, 'displacement': escapes.plane.displacement,

@@ -17,6 +17,7 @@ from .store_making import make_store
 from ..core.growth import grow, STEPS
 from ..core.lanes import new_impacts, new_tiles
 from ..core.model import Parameters
+from ..core.words import counted
 
 NAME: Final = 'exponents'
 IMPACTS: Final = 50
@@ -81,8 +82,9 @@ def compute_exponents(parameters: Parameters, plane: Plane, run: cli.Run, count:
          Axis('phase', plane.phase_values(),
               {'long_name': 'initial drive phase', 'units': 'rad'}, EDGE)),
         (Variable('exponent', ('velocity', 'phase'), '<f8', {
-            'long_name': f'largest finite-time exponent per impact over {count} impacts; -inf '
-                         'where the mass sticks, nan where it floats', 'units': '1'}, np.nan),),
+            'long_name': 'largest finite-time exponent per impact over '
+                         f'{counted(count, "impact")}; -inf where the mass sticks, '
+                         'nan where it floats', 'units': '1'}),),
         identity_of(NAME, parameters, plane, impacts=count,
                     size=[plane.phases, plane.velocities]),
         {'title': 'Finite-time exponents of the gear-rattling model'})
@@ -122,14 +124,14 @@ def main(arguments: list[str] | None = None) -> int:
         values = store.read_all('exponent')
         finite = values[np.isfinite(values)]
         print(f'{np.mean(finite > 0.0) if len(finite) else np.nan:.3%} of the starts that do not '
-              f'stick part from their neighbours, over {given.impacts} impacts')
+              f'stick part from their neighbours, over {counted(given.impacts, "impact")}')
         print(f'{np.mean(np.isneginf(values)):.3%} of all stick and forget theirs')
 
         def draw() -> cli.Figure:
             from .pictures import draw_exponents, thinned
             return draw_exponents(
                 store.read_every('exponent', thinned(plane)), plane,
-                f'Finite-time exponents over {given.impacts} impacts, '
+                f'Finite-time exponents over {counted(given.impacts, "impact")}, '
                 f'alpha {parameters.alpha:g}, s = {plane.displacement:g}')
 
         return run.finish(draw)

@@ -22,6 +22,7 @@ from .figures_style import (
     widened,
 )
 from .store import Store
+from ..core.words import counted
 
 # Margins of a picture [pixels].
 LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
@@ -169,7 +170,7 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
     if len(names) < 2:
         return
     handles = [Line2D([], [], marker='s', linestyle='none', color=hue(n),
-                      label=f'attractor {n + 1}') for n in names[:min(LEGEND_MOST, len(HUES))]]
+                      label=f'attractor {n}') for n in names[:min(LEGEND_MOST, len(HUES))]]
     axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
                 ncols=len(handles), fontsize=11, handletextpad=0.2, columnspacing=1.2,
                 borderaxespad=0.1)
@@ -177,5 +178,6 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
 
 def _title(store: Store) -> str:
     a = store.attributes
-    return (f'{a["impacts_counted"]:,} impacts of {a["trajectories"]} trajectories; '
-            f'beta {a["beta"]:g}, gamma {a["gamma"]:g}, r {a["restitution"]:g}')
+    return (f'{counted(a["impacts_counted"], "impact")} of '
+            f'{counted(a["trajectories"], "trajectory")}; beta {a["beta"]:g}, '
+            f'gamma {a["gamma"]:g}, r {a["restitution"]:g}')

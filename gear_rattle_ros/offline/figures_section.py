@@ -18,6 +18,7 @@ from .figures_style import (
     widened,
 )
 from .store import Store
+from ..core.words import counted
 
 LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
 
@@ -52,7 +53,7 @@ def draw_section(store: Store) -> Figure:
                               label='periodic orbits that were reached'))
     total = BOTTOM + height + TOP
     figure.text(LEFT / (LEFT + width + RIGHT), 1.0 - 12 / total,
-                f'alpha {a["alpha"]:g}: {a["trajectories"]} trajectories, impacts '
+                f'alpha {a["alpha"]:g}: {counted(a["trajectories"], "trajectory")}, impacts '
                 f'{a["impacts_skipped"]:,} to {a["impacts_skipped"] + a["impacts_counted"]:,}',
                 va='top', fontsize=13)
     axes.legend(handles=handles, loc='lower left', bbox_to_anchor=(-0.01, 1.0), ncols=2,

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 import contextlib
+import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -76,7 +77,8 @@ def make_array(group: Any, variable: Variable, shape: Sequence[int], chunks: Seq
     # An array cannot have chunks of no length.
     settings: dict[str, Any] = {
         'shape': tuple(shape), 'chunks': tuple(max(1, n) for n in chunks),
-        'dtype': np.dtype(variable.dtype), 'fill_value': variable.fill, 'overwrite': True}
+        # Readers take what is equal to a fill for missing: none is.
+        'dtype': np.dtype(variable.dtype), 'fill_value': None, 'overwrite': True}
     # Marks are as long as their tiles, whatever is in them: that needs no trust in a codec.
     compressor = None if variable.name in (DONE, CHECKSUMS) else numcodecs.get_codec(
         dict(COMPRESSOR))
@@ -84,8 +86,22 @@ def make_array(group: Any, variable: Variable, shape: Sequence[int], chunks: Seq
         array = group.create_dataset(variable.name, compressor=compressor, **settings)
     else:
         array = group.create_array(variable.name, compressors=compressor, **settings)
-    attributes = {**variable.attributes, DIMENSIONS: list(variable.dimensions)}
+    attributes = plain(variable.attributes) | {DIMENSIONS: list(variable.dimensions)}
     array.attrs.update({**attributes, CHECKSUM: attributes_checksum(attributes)})
+
+
+def plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Put a truth value as a number and a list of words as JSON, as NetCDF has neither."""
+    return {name: int(value) if isinstance(value, bool) else
+            json.dumps(value) if isinstance(value, (list, tuple)) and
+            any(isinstance(one, str) for one in value) else value
+            for name, value in attributes.items()}
+
+
+def to_write(group: Any, name: str) -> Any:
+    """Open an array of which every chunk is written: without a fill, one left out is nothing."""
+    array = group[name]
+    return array if OF_ZARR_2 else array.with_config({'write_empty_chunks': True})
 
 
 def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[Any, Any]) -> None:
@@ -99,16 +115,15 @@ def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[A
     group : zarr.Group
         Receives it.
     variable : Variable
-        What it is; its type and fill are those of the values.
+        What it is; its type is that of the values.
     values : ndarray
         All of it.
 
     """
-    fill = '' if values.dtype.kind == 'U' else 0
     make_array(group, Variable(variable.name, variable.dimensions, values.dtype.str,
-                               variable.attributes, fill), values.shape, values.shape)
+                               variable.attributes), values.shape, values.shape)
     if values.size:
-        group[variable.name][...] = values
+        to_write(group, variable.name)[...] = values
     group[variable.name].attrs.update({CHECKSUM: table_checksum(path / variable.name)})
 
 
@@ -142,8 +157,8 @@ def set_attributes(group: Any, attributes: Mapping[str, Any]) -> None:
         Plain values.
 
     """
-    merged = {**dict(group.attrs), **attributes}
-    group.attrs.update({**attributes, CHECKSUM: attributes_checksum(merged)})
+    merged = dict(group.attrs) | plain(attributes)
+    group.attrs.update(merged | {CHECKSUM: attributes_checksum(merged)})
 
 
 def consolidate(path: Path) -> None:

@@ -22,8 +22,6 @@ class Variable:
         Type of its elements, as numpy writes it.
     attributes : mapping
         `long_name`, `units` and the like.
-    fill : object
-        Value where nothing has been written.
 
     """
 
@@ -31,7 +29,6 @@ class Variable:
     dimensions: tuple[str, ...]
     dtype: str
     attributes: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    fill: Any = 0
 
 
 @dataclasses.dataclass(frozen=True)

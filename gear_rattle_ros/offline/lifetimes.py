@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from . import cli, options
-from .attractors import describe
 from .basins import add_settings, compute_basins, Settings, settings_of
 from .catalogue import Catalogue
 from .grid import Plane
+from .listing import listed
 from .store import Store
 from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
+from ..core.words import counted
 
 NAME: Final = 'lifetimes'
 # As in the paper.
@@ -75,9 +76,9 @@ class Escape:
 
         """
         lines = [
-            f'{self.censored:,} of {self.starts:,} starts ({self.censored / self.starts:.2%}) '
-            f'live {self.cap:,} impacts or longer',
-            f'tail from {self.begin:,} impacts: {self.escapes:,} escapes, rate '
+            f'{self.censored:,} of {counted(self.starts, "start")} '
+            f'({self.censored / self.starts:.2%}) live {counted(self.cap, "impact")} or longer',
+            f'tail from {counted(self.begin, "impact")}: {counted(self.escapes, "escape")}, rate '
             f'{self.rate:.4e} +- {self.rate_error:.1e} per impact',
             f'mean lifetime: {self.mean:,.1f} +- {self.mean_error:,.1f} impacts']
         return '\n'.join(lines)
@@ -275,8 +276,7 @@ def main(arguments: list[str] | None = None) -> int:
         parameters, plane = options.model_of(given), options.plane_of(given)
         store, catalogue, escape = compute_lifetimes(
             parameters, plane, run, settings_of(given, chaotic=False), given.tail)
-        for each in catalogue.attractors:
-            print(describe(each))
+        print(listed(catalogue))
         print(escape.describe())
 
         def draw() -> cli.Figure:

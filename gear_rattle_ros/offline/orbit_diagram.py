@@ -31,6 +31,7 @@ from ..core.closed_orbits import Orbit
 from ..core.lanes import START
 from ..core.lanes_step import LANES
 from ..core.raster import BLOCKS
+from ..core.words import in_columns
 
 
 def compute(diagram: Diagram, run: Run) -> Store:
@@ -143,6 +144,16 @@ def write_attractors(store: Store) -> None:
             'long_name': 'number of the attractor, matched from alpha to alpha; -1 none'})})
 
 
+def listed(store: Store) -> str:
+    """List the attractors of a diagram, numbered as in the store and in the picture."""
+    numbers, alphas = store.read_all('attractor'), store.read_all('alpha')
+    rows = []
+    for label in np.unique(numbers[numbers >= 0]):
+        seen = alphas[(numbers == label).any(axis=(0, 2))]
+        rows.append([str(label), f'{len(seen):,}', f'{seen[0]:.6f}', f'{seen[-1]:.6f}'])
+    return in_columns([' attractor', ' alphas', ' from [1]', ' to [1]'], rows)
+
+
 def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> npt.NDArray[np.void]:
     # The ends of the neighbouring column, or fresh starts at the end of the window.
     backwards = -1 if _sweep(diagram, store, tile) == 'up' else 1
@@ -209,6 +220,7 @@ def main(arguments: list[str] | None = None) -> int:
             Window(given.keep, given.bin_window[0], given.bin_window[1], given.bins,
                    max(given.hold, given.skip)),
             tuple(sweep for sweep in SWEEPS if sweep in given.sweep)), run)
+        print(listed(store))
 
         def draw() -> Figure:
             # Only here: matplotlib takes a second to import.

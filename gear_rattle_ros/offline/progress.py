@@ -8,6 +8,8 @@ from typing import Any, Final, TextIO
 
 from numba.core import event
 
+from ..core.words import counted
+
 # How often progress is told, on a terminal and elsewhere [s].
 ON_TERMINAL: Final = 0.3
 ELSEWHERE: Final = 10.0
@@ -138,7 +140,7 @@ class Compilation(event.Listener):
     def end(self) -> None:
         """Say how long it took."""
         if self._kernels:
-            self._stream.write(f'{self._name}: compiled {self._kernels} kernels in '
+            self._stream.write(f'{self._name}: compiled {counted(self._kernels, "kernel")} in '
                                f'{self._seconds:.0f} s; the next start has them\n')
             self._stream.flush()
 

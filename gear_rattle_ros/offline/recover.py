@@ -11,6 +11,7 @@ from ..bags.metadata import file_names
 from ..bags.salvage import Damage, Salvage
 from ..core.model import EventArray
 from ..core.stream import StreamGuard
+from ..core.words import counted
 
 
 class Accounts:
@@ -59,23 +60,25 @@ class Recovery:
 
     def describe(self) -> list[str]:
         """Put it in words."""
-        lines = [f'{self.messages} messages recovered']
+        lines = [f'{counted(self.messages, "message")} recovered']
         for path, damage in self.damages:
-            lines.append(f'{path}: {damage.end - damage.start} bytes from {damage.start} on are '
-                         'unreadable')
+            lines.append(f'{path}: {counted(damage.end - damage.start, "byte")} from '
+                         f'{damage.start} on unreadable')
         lines += [f'{path}: was not closed properly' for path in self.unclosed]
         if self.nameless:
-            lines.append(f'{self.nameless} messages are left out: their topics are unknown')
+            lines.append(f'{counted(self.nameless, "message")} of unknown topics left out')
         for name, accounts in self.accounts.items():
             if accounts.first is None or accounts.last is None:
                 lines.append(f'{name}: no events')
                 continue
             lines.append(
-                f'{name}: {accounts.events} events, from impact {accounts.first[0]}, epoch '
-                f'{accounts.first[1]}, to impact {accounts.last[0]}, epoch {accounts.last[1]}')
+                f'{name}: {counted(accounts.events, "event")}, from impact '
+                f'{accounts.first[0]}, epoch {accounts.first[1]}, to impact {accounts.last[0]}, '
+                f'epoch {accounts.last[1]}')
             lines += [f'{name}: missing: {hole.describe()}' for hole in accounts.guard.holes]
             if accounts.guard.restarts:
-                lines.append(f'{name}: the numbers begin anew {accounts.guard.restarts} times')
+                lines.append(f'{name}: the numbers begin anew '
+                             f'{counted(accounts.guard.restarts, "time")}')
             if self.unclosed:
                 lines.append(f'{name}: what came behind impact {accounts.last[0]} is lost')
         return lines

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import json
 from typing import Final
 
 import numpy as np
@@ -89,7 +90,7 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     """
     store = make_store(run.output, _layout(section), run.command, resume=run.resume)
     if not store.pending() and all(store.has_table(name) for name in TABLES):
-        return store, list(store.attributes['seen'])
+        return store, json.loads(store.attributes['seen'])
     progress = run.progress(section.trajectories)
     starts = section.plane.random_starts(section.parameters, section.trajectories, section.seed)
     last = section.skip + section.keep

@@ -24,10 +24,12 @@ from .groups import (
     open_group,
     reading,
     set_attributes,
+    to_write,
     write_array,
     write_axis,
 )
 from .layout import Layout, Variable
+from ..core.words import counted
 
 if TYPE_CHECKING:
     import xarray
@@ -111,7 +113,7 @@ class Store:
 
         """
         for name, value in values.items():
-            array = self._group[name]
+            array = to_write(self._group, name)
             array[self._place(array, tile)] = np.asarray(value)
 
     def read(self, tile: int, name: str) -> npt.NDArray[Any]:
@@ -283,9 +285,9 @@ class Store:
         damaged = [tile for tile, is_whole in marked.items() if not is_whole]
         if damaged:
             names = ', '.join(str(tile) for tile in damaged[:8])
-            found.append(f'{len(damaged)} of {len(marked)} finished tiles are not as they were '
-                         f'written ({names}{", ..." if len(damaged) > 8 else ""}); they are '
-                         'computed anew')
+            found.append(f'{len(damaged)} of {counted(len(marked), "finished tile")} must be '
+                         f'computed anew ({names}{", ..." if len(damaged) > 8 else ""}), for '
+                         'what was written is damaged')
             self._done[damaged] = 0
             self._write_marks()
         # Zarr may read a chunk to write a part of it, which fails where it is torn.
@@ -307,8 +309,8 @@ class Store:
 
     def _write_marks(self) -> None:
         # In this order: what is marked has its checksum.
-        self._group[CHECKSUMS][:] = self._checksums
-        self._group[DONE][:] = self._done
+        to_write(self._group, CHECKSUMS)[:] = self._checksums
+        to_write(self._group, DONE)[:] = self._done
 
     def _place(self, array: Any, tile: int) -> tuple[slice, ...]:
         region = self.tiles[tile]
@@ -339,8 +341,7 @@ def open_dataset(path: Path | str) -> 'xarray.Dataset':
     path = Path(path)
     require_whole(path)
     form: dict[str, Any] = {} if OF_ZARR_2 else {'zarr_format': 2}
-    dataset = xarray.open_zarr(str(path), consolidated=True, chunks=None, mask_and_scale=False,
-                               **form)
+    dataset = xarray.open_zarr(str(path), consolidated=True, chunks=None, **form)
     return dataset.drop_vars([DONE, CHECKSUMS])
 
 
@@ -363,6 +364,7 @@ def require_whole(path: Path) -> None:
     documents.require_plain_files(path)
     checksums.require_attributes(path)
     if store.pending():
-        raise StoreError(f'{path}: {len(store.pending())} of {len(store.tiles)} tiles are not '
-                         'done; go on with --resume')
+        raise StoreError(f'{path}: {len(store.pending())} of '
+                         f'{counted(len(store.tiles), "tile")} must still be done; go on with '
+                         '--resume')
     checksums.require_whole(path, store.marked())

@@ -111,14 +111,15 @@ def _fill(path: Path, group: Any, layout: Layout, command: str) -> None:
         shape = tuple(sizes[name] for name in variable.dimensions)
         chunks = tuple(steps.get(name, sizes[name]) for name in variable.dimensions)
         make_array(group, variable, shape, chunks)
-    # A list: some versions of zarr sort the keys of what is in an attribute.
-    tiles = [[name, sizes[name], step] for name, step in steps.items()]
+    # As text: NetCDF has no lists in lists.
+    tiles = json.dumps([[name, sizes[name], step] for name, step in steps.items()])
+    names = json.dumps([variable.name for variable in layout.variables])
     count = int(np.prod([-(-sizes[name] // step) for name, step in steps.items()]))
     make_array(group, Variable(DONE, ('tile',), '|u1', {
-        'long_name': 'tile is complete', 'tiles': tiles,
-        'variables': [variable.name for variable in layout.variables]}), (count,), (count,))
-    make_array(group, Variable(CHECKSUMS, ('tile',), '<u4', {
-        'long_name': 'CRC-32 of the chunks of a tile that is complete'}), (count,), (count,))
+        'long_name': 'tile is complete', 'tiles': tiles, 'variables': names}), (count,), (count,))
+    make_array(group, Variable(CHECKSUMS, ('tile',), '<i4', {
+        'long_name': 'CRC-32 of the chunks of a tile that is complete, 31 bits'}), (count,),
+        (count,))
 
 
 def _continued(path: Path, layout: Layout) -> Store:

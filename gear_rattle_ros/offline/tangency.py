@@ -13,6 +13,7 @@ from ..core.closed_orbits import close_orbit, Orbit
 from ..core.elementary import TWO_PI
 from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
 from ..core.model import Parameters
+from ..core.words import counted
 
 # Trajectories are given up after so many impacts.
 HOLD: Final = 20_000
@@ -128,8 +129,8 @@ def carry(orbit: Orbit, alpha: float) -> Orbit:
         parameters = dataclasses.replace(orbit.parameters, alpha=float(value))
         carried = close_orbit(orbit.walls, orbit.points, parameters)
         if carried is None:
-            raise ValueError(f'the orbit of {orbit.impacts} impacts cannot be followed to '
-                             f'alpha = {alpha:g}; give a narrower bracket')
+            raise ValueError(f'the orbit of {counted(orbit.impacts, "impact")} cannot be followed '
+                             f'to alpha = {alpha:g}; give a narrower bracket')
         orbit = carried
     return orbit
 
@@ -175,7 +176,7 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
             nearest = min(beyond, key=lambda o: abs(o.parameters.alpha - parameters.alpha))
             return Boundary(captor, carry(nearest, parameters.alpha), folds[0].alpha)
     raise ValueError(f'alpha = {parameters.alpha:g}: no saddle belongs to the orbit of '
-                     f'{captor.impacts} impacts')
+                     f'{counted(captor.impacts, "impact")}')
 
 
 def find_tangency(boundary: Boundary, low: float, high: float,

@@ -107,10 +107,10 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
               {'long_name': 'initial drive phase', 'units': 'rad'}, edge)),
         (Variable('label', ('velocity', 'phase'), LABELS, {
             'long_name': 'attractor: attractor_label; -1 unresolved, -2 and -3 at rest on the '
-                         'upper and lower wall, -4 between the walls', 'units': '1'}, UNRESOLVED),
+                         'upper and lower wall, -4 between the walls', 'units': '1'}),
          Variable('lifetime', ('velocity', 'phase'), LIFETIMES, {
              'long_name': 'impacts until the trajectory stays within the tolerance of its '
-                          f'attractor; {cap} where label is -1', 'units': '1'}, 0)),
+                          f'attractor; {cap} where label is -1', 'units': '1'})),
         identity, {'title': title})
 
 

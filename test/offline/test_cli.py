@@ -101,7 +101,7 @@ def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     line, = (one for one in said.splitlines() if 'stopped; ' in one)
     assert 'Traceback' not in said
     pending = Store(path).pending()
-    assert f'{25 - len(pending)} of 25 tiles are kept in {path}' in line
+    assert f'{path} keeps {25 - len(pending)} of 25 tiles; go on with' in line
     assert 0 < len(pending) < 25
     resume = shlex.split(line.split('go on with: ')[1])
     assert resume[:4] == ['ros2', 'run', 'gear_rattle_ros', tool]

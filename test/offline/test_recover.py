@@ -59,7 +59,7 @@ def test_a_whole_bag_comes_out_as_it_was(bag: Path) -> None:
     assert contents(bag.parent / 'new') == contents(bag)
     assert digest(bag) == before
     assert told == ['221 messages recovered',
-                    '/impacts: 6001 events, from impact 0, epoch 0, to impact 5999, epoch 1']
+                    '/impacts: 6,001 events, from impact 0, epoch 0, to impact 5999, epoch 1']
 
 
 def test_a_cut_bag_is_recovered_up_to_the_cut(bag: Path) -> None:

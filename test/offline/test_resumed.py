@@ -63,7 +63,7 @@ def test_ctrl_c_and_resume_change_nothing(name, tmp_path, capsys):
                        path, tiles)
     pending = Store(path).pending()
     assert 0 < len(pending) < tiles
-    assert f'{name}: stopped; {tiles - len(pending)} of {tiles} tiles are kept in {path}' in line
+    assert f'{name}: stopped; {path} keeps {tiles - len(pending)} of {tiles} tiles;' in line
     words = shlex.split(line.split('go on with: ')[1])
     assert words[:4] == ['ros2', 'run', 'gear_rattle_ros', name] and words[-1] == '--resume'
     assert MAINS[name](words[4:]) == 0

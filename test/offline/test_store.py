@@ -14,7 +14,7 @@ from gear_rattle_ros.offline.store_making import make_store
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
      Axis('phase', np.arange(5.0), {'units': 'rad'}, 2)),
-    (Variable('label', ('velocity', 'phase'), '<i2', {'long_name': 'label'}, -1),),
+    (Variable('label', ('velocity', 'phase'), '<i2', {'long_name': 'label'}),),
     {'tool': 'basins', 'alpha': 0.48, 'phase_window': [0.0, 5.0]})
 
 
@@ -32,6 +32,18 @@ def test_tiles_cover_every_cell_once(tmp_path):
     for tile, region in enumerate(store.tiles):
         assert np.all(label.values[region['velocity'], region['phase']] == tile)
     assert Store(tmp_path / 'a').pending() == []
+
+
+def test_a_chunk_of_zeros_is_written(tmp_path):
+    """What is missing could be anything to other readers: so it is there, or noticed."""
+    store = make_store(tmp_path / 'a', LAYOUT, 'command')
+    for tile in store.pending():
+        store.write(tile, {'label': 0})
+        store.mark(tile)
+    assert not open_dataset(tmp_path / 'a')['label'].values.any()
+    (tmp_path / 'a' / 'label' / '1.1').unlink()
+    with pytest.raises(StoreError, match='tile 4 is not as it was written'):
+        open_dataset(tmp_path / 'a')
 
 
 @pytest.mark.parametrize('steps', [(1, 1), (2, 3), (4, 2), (9, 7)])
@@ -54,7 +66,6 @@ def test_an_independent_reader_finds_everything(tmp_path):
     assert group.attrs['alpha'] == 0.48
     assert group.attrs['command'] == 'the command'
     assert list(group['key'][:]) == ['a', 'bcd', 'x']
-    assert np.all(group['label'][:] == -1)
     assert group['label'].attrs['_ARRAY_DIMENSIONS'] == ['velocity', 'phase']
     assert np.array_equal(group['velocity'][:], np.linspace(-1.0, 1.0, 7))
 

@@ -1,0 +1,53 @@
+"""Counts and tables in words."""
+
+from collections.abc import Sequence
+
+
+def counted(count: float, noun: str) -> str:
+    """
+    Put a count in words.
+
+    Parameters
+    ----------
+    count : float
+        A whole number, not negative.
+    noun : str
+        What is counted, one of it.
+
+    Returns
+    -------
+    str
+        Such as '1 drive period', '2 trajectories' or '1,234 impacts'.
+
+    """
+    number = int(count)
+    if number != 1 and noun[-1] == 'y':
+        noun = f'{noun[:-1]}ies'
+    elif number != 1:
+        noun += 'es' if noun.endswith(('ch', 's', 'x')) else 's'
+    return f'{number:,} {noun}'
+
+
+def in_columns(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """
+    Lay out a table in plain text.
+
+    Parameters
+    ----------
+    headings : sequence of str
+        Of the columns; one that begins with a space is that of numbers, aligned to the right.
+    rows : sequence of sequence of str
+        A text for each column.
+
+    Returns
+    -------
+    str
+        Lines without spaces at their ends.
+
+    """
+    table = [[heading.strip() for heading in headings], *rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return '\n'.join('  '.join(
+        cell.rjust(width) if heading[:1] == ' ' else cell.ljust(width)
+        for cell, width, heading in zip(row, widths, headings, strict=True)).rstrip()
+        for row in table)

@@ -1,0 +1,64 @@
+"""Stores as xarray alone reads them, and what becomes of them in NetCDF."""
+
+import warnings
+
+import numpy as np
+import pytest
+import xarray
+
+from gear_rattle_ros.offline import (
+    attractors,
+    basins,
+    continuation,
+    crisis,
+    exponents,
+    lifetimes,
+    orbit_diagram,
+    section,
+)
+from gear_rattle_ros.offline.store import open_dataset
+
+SMALL = {
+    attractors: '--starts 20 --hold 1000',
+    basins: '--size 6 --starts 20 --tile 3 --hold 1000',
+    continuation: '--alpha 0.5 0.51 --columns 2 --trajectories 4 --hold 500 --skip 300 '
+                  '--keep 256 --tolerance 1e-3',
+    crisis: '--rates 4 --escapes 40 --beyond 1e-3 1e-2 --limit 100000',
+    exponents: '--size 6',
+    lifetimes: '--size 6 --starts 20 --tile 3 --hold 1000 --cap 2000',
+    orbit_diagram: '--alpha 0.48 0.5 --columns 3 --bins 20 --trajectories 3 --skip 100 '
+                   '--keep 256',
+    section: '--trajectories 3 --keep 300 --skip 10 --bins 9 8'}
+
+
+def assert_same(found, expected, as_kept=None):
+    """Hold the numbers and words of a dataset, and their types, against those of another."""
+    assert set(found.variables) == set(expected.variables)
+    for name, variable in expected.variables.items():
+        values, dtype = found[name].values, variable.dtype
+        # The oldest NetCDF has no integers without a sign, and words as objects.
+        kinds = as_kept[dtype.kind] if as_kept else dtype.kind
+        assert values.dtype.kind in kinds, (name, values.dtype, dtype)
+        assert as_kept or values.dtype == dtype, (name, values.dtype, dtype)
+        assert np.array_equal(values.astype(dtype), variable.values,
+                              equal_nan=dtype.kind == 'f'), name
+
+
+@pytest.mark.parametrize('tool', [
+    pytest.param(tool, marks=pytest.mark.long if tool is crisis else ()) for tool in SMALL])
+def test_what_a_tool_writes_is_what_xarray_reads(tool, tmp_path):
+    """Neither 0 nor -1 is missing, nothing is warned of, and the oldest NetCDF holds it."""
+    path, copy = tmp_path / 'a.zarr', tmp_path / 'a.nc'
+    assert tool.main([*SMALL[tool].split(), '--output', str(path)]) == 0
+    expected = open_dataset(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        plain = xarray.open_zarr(path, chunks=None)
+    assert_same(plain.drop_vars(['tile_done', 'tile_checksum']), expected)
+    for dataset in (expected, plain):
+        dataset.to_netcdf(copy, engine='scipy')
+        with xarray.open_dataset(copy, engine='scipy') as back:
+            assert_same(back, dataset, {'i': 'i', 'u': 'i', 'f': 'f', 'U': 'OU'})
+            assert set(back.attrs) == set(dataset.attrs)
+            for name, value in dataset.attrs.items():
+                assert np.array_equal(back.attrs[name], value), name
