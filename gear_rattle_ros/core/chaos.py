@@ -14,24 +14,28 @@ from .elementary import TWO_PI
 from .lyapunov import LyapunovReport, RunningLyapunov
 from .model import EventArray, Parameters, State
 from .recorded import record_impacts, starts_after
-from .section import distances, shortest_recurrence
+from .section import distance, distances, shortest_recurrence
 from .simulation import Simulation
 
 # Trajectories that have so much of their boxes in common are on the same set.
 OVERLAP: Final = 0.5
 # The orbit that names a set: its longest period, how near impacts must recur, and how near others
-# are taken to lead to the same; the orbits that are tried for a period, the trajectories that are
-# searched, and the share of impacts that come near to an orbit that counts.
+# are taken to lead to the same; the orbits that are tried for a period, the impacts of each
+# trajectory that are searched, and the share of them that come near to an orbit that counts.
 LONGEST: Final = 64
 RECURS: Final = 0.02
 ALIKE: Final = 0.01
 TRIED: Final = 60
-NAMED: Final = 8
+NAMED: Final = 3_000
 VISITED: Final = 1e-4
 UNNAMED: Final = 'none'
 # Pieces are told apart on so many boxes along an edge; at most so many are counted.
 FINE: Final = 4096
 PIECES_MOST: Final = 64
+# Boxes are as large as it takes that so many impacts of a trajectory fall into each, but no larger
+# than with so many along an edge.
+FILLED: Final = 8
+COARSEST: Final = 16
 # Boxes reach so much beyond the fastest impact.
 ROOM: Final = 1.02
 
@@ -49,7 +53,7 @@ class Effort:
     length : int
         Impacts of each trajectory from which boxes are filled, at least.
     coarser : int
-        Boxes are filled in blocks of so many along an edge: few impacts fill larger ones.
+        Boxes are filled in blocks of so many along an edge at least.
     averaged : int
         Impacts over which exponents are averaged and pieces counted.
 
@@ -146,12 +150,15 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
     hit = np.zeros((len(rows), 2, edge, edge), np.bool_)
     for row, boxes in zip(rows, hit, strict=True):
         mark_boxes(row, speed, boxes.reshape(-1), edge)
+    while edge > COARSEST and length < FILLED * np.count_nonzero(hit) / len(rows):
+        edge //= 2
+        hit = hit.reshape(len(rows), 2, edge, 2, edge, 2).any(axis=(3, 5))
     # What settles on an orbit recurs at the end, whether that orbit is known or not.
     _, look, longest = effort.stages[-1]
     recurs = np.array([shortest_recurrence(row[-look:], longest, tolerance) > 0 for row in rows])
     named: dict[str, list[int]] = {}
     for members in _grouped(hit):
-        name = shortest_orbit(parameters, rows[members[:NAMED]])
+        name = shortest_orbit(parameters, rows[members, :NAMED])
         # An orbit belongs to one set: groups of one name are one.
         name = f'{name}-{len(named)}' if name == UNNAMED and name in named else name
         named.setdefault(name, []).extend(members)
@@ -161,7 +168,7 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
         last = rows[members, -1]
         states = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                               last['velocity'])
-        boxes = hit[members].any(axis=0).repeat(effort.coarser, 1).repeat(effort.coarser, 2)
+        boxes = hit[members].any(axis=0).repeat(BOXES // edge, 1).repeat(BOXES // edge, 2)
         exponents, pieces = averages(parameters, states[0], effort.averaged)
         sets.append(ChaoticSet(boxes, speed, states, len(members) * length, recurs[members],
                                pieces, name, exponents))
@@ -179,7 +186,7 @@ def mark_boxes(row, speed, boxes, edge):  # type: ignore[no-untyped-def]
             boxes[box] = True
 
 
-def shortest_orbit(parameters: Parameters, impacts: RecordArray) -> str:
+def shortest_orbit(parameters: Parameters, rows: RecordArray) -> str:
     """
     Name the shortest periodic orbit in a chaotic set.
 
@@ -190,7 +197,7 @@ def shortest_orbit(parameters: Parameters, impacts: RecordArray) -> str:
     ----------
     parameters : Parameters
         Of the trajectories.
-    impacts : ndarray of IMPACT, shape (n, m)
+    rows : ndarray of IMPACT, shape (n, m)
         Long trajectories in the set.
 
     Returns
@@ -200,32 +207,59 @@ def shortest_orbit(parameters: Parameters, impacts: RecordArray) -> str:
 
     """
     for q in range(1, LONGEST + 1):
-        early, late = impacts[:, :-q].ravel(), impacts[:, q:].ravel()
-        apart = np.where(late['cycle'] > early['cycle'], distances(
-            early['velocity'], early['phase'], late['velocity'], late['phase']), np.inf)
-        near = np.flatnonzero(apart < RECURS)
-        near = near[np.argsort(apart[near], kind='stable')]
+        places, apart = close_returns(rows, q, RECURS)
+        near = places[np.argsort(apart, kind='stable')]
         found: list[Orbit] = []
         for _ in range(TRIED):
             if not len(near):
                 break
-            row, first = divmod(int(near[0]), impacts.shape[1] - q)
-            orbit = close_near(parameters, impacts[row, first:first + q])
-            seen = [(early['velocity'][near[0]], early['phase'][near[0]])]
+            row, first = near[0]
+            orbit = close_near(parameters, rows[row, first:first + q])
+            seen = [(rows[row, first]['phase'], rows[row, first]['velocity'])]
             if orbit is not None and orbit.impacts == q:
-                seen += [(velocity, phase) for phase, velocity in orbit.points]
-                phase, velocity = orbit.points[0]
-                visits = np.count_nonzero(distances(
-                    early['velocity'], early['phase'], velocity, phase) < ALIKE)
-                if visits > VISITED * len(early):
+                seen += orbit.points.tolist()
+                if visits(rows, *orbit.points[0], ALIKE) > VISITED * rows.size:
                     found.append(orbit.canonical())
-            for velocity, phase in seen:
-                near = near[distances(early['velocity'][near], early['phase'][near], velocity,
-                                      phase) >= ALIKE]
+            here = rows[near[:, 0], near[:, 1]]
+            for phase, velocity in seen:
+                gone = distances(here['velocity'], here['phase'], velocity, phase) < ALIKE
+                near, here = near[~gone], here[~gone]
         if found:
             return min(found, key=lambda orbit: (
                 orbit.drive_periods, orbit.walls[0], orbit.phases[0])).name
     return UNNAMED
+
+
+@kernel
+def close_returns(rows, q, most):  # type: ignore[no-untyped-def]
+    """Find impacts that recur after q impacts: (row, place) and distance, at most `most` [1]."""
+    places = np.zeros((1024, 2), np.int64)
+    apart = np.zeros(1024)
+    count = 0
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1] - q):
+            a = rows[i, k]
+            b = rows[i, k + q]
+            d = distance(a.velocity, a.phase, b.velocity, b.phase)
+            if d < most and b.cycle > a.cycle:
+                if count == len(apart):
+                    places = np.concatenate((places, np.zeros_like(places)))
+                    apart = np.concatenate((apart, np.zeros_like(apart)))
+                places[count, 0] = i
+                places[count, 1] = k
+                apart[count] = d
+                count += 1
+    return places[:count], apart[:count]
+
+
+@kernel
+def visits(rows, phase, velocity, most):  # type: ignore[no-untyped-def]
+    """Count the impacts within a distance of a point of the section."""
+    count = 0
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            count += distance(rows[i, k].velocity, rows[i, k].phase, velocity, phase) < most
+    return count
 
 
 def averages(parameters: Parameters, start: np.void, impacts: int) -> tuple[LyapunovReport, int]:
