@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
-from .flight import elapsed, is_pressed, LOWER, UPPER
+from .flight import elapsed, is_pressed, later, LOWER, release_delay, UPPER
 from .lanes import advance, EMPTY, FLOATS, refill, release, RESTS
 from .lanes_step import LANES
 from .model import STICKING_SPEED
@@ -77,11 +77,16 @@ WATCH: Final = np.dtype(
         # The chaotic attractor in whose cells it is, since when; EMPTY outside.
         ('box', np.int64),
         ('box_since', np.int64),
+        # As in RESULT.
+        ('stick', np.int64),
+        ('release', np.float64),
     ],
     align=True,
 )
 # What became of a start: attractor or one of the labels above, lifetime [impacts], impacts
-# followed, and for a start that is unresolved the state just after the last of them.
+# followed, and for a start that is unresolved the state just after the last of them. Where the
+# mass has stuck before it settled: impacts until then, EMPTY elsewhere, and the drive phase at
+# which it left the wall again, nan elsewhere: all that leave at the same phase go on as one.
 RESULT: Final = np.dtype(
     [
         ('label', np.int64),
@@ -90,6 +95,8 @@ RESULT: Final = np.dtype(
         ('phase', np.float64),
         ('displacement', np.float64),
         ('velocity', np.float64),
+        ('stick', np.int64),
+        ('release', np.float64),
     ],
     align=True,
 )
@@ -186,6 +193,22 @@ def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def is_held(wall, phase, start):  # type: ignore[no-untyped-def]
+    """Tell whether a wall is pressed by a mass that is at rest on it."""
+    sine, cosine = sine_cosine(phase)
+    return is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma)
+
+
+@kernel
+def note_stick(w, wall, phase, start):  # type: ignore[no-untyped-def]
+    """Note when the mass first sticks, and at which phase it leaves."""
+    delay = release_delay(1.0 - 2.0 * wall, phase, start.alpha, start.beta, start.gamma)
+    if w.stick == EMPTY and delay < math.inf:
+        w.stick = w.impacts
+        w.release = later(phase, delay)[1]
+
+
+@kernel
 def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
     """
     Hold one impact against the table.
@@ -247,10 +270,11 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
                     nearest = apart
                     w.point = point.following
                     w.since = n
-    if settings.sticks[wall] != EMPTY and abs(start.restitution * velocity) < STICKING_SPEED:
-        sine, cosine = sine_cosine(phase)
-        if is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma):
+    if (abs(start.restitution * velocity) < STICKING_SPEED and start.restitution < 1.0
+            and is_held(wall, phase, start)):
+        if settings.sticks[wall] != EMPTY:
             return settings.sticks[wall], n
+        note_stick(w, wall, phase, start)
     if len(table.boxes) > 0:
         box = cell_of(wall, phase, abs(velocity), settings.box_speed, BOXES)
         inside = table.boxes[box] if box >= 0 else EMPTY
@@ -265,7 +289,7 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
 @kernel
 def uneventful(row, first, count, restitution, table):  # type: ignore[no-untyped-def]
     """
-    Skip impacts that are near no point of an orbit and stick to no wall.
+    Skip impacts that are near no point of an orbit and too fast to stick.
 
     Parameters
     ----------
@@ -288,9 +312,6 @@ def uneventful(row, first, count, restitution, table):  # type: ignore[no-untype
     heads = table.heads
     along_speed = CELLS / settings.speed
     along_phase = CELLS / TWO_PI
-    slow = 0.0
-    if settings.sticks[0] != EMPTY or settings.sticks[1] != EMPTY:
-        slow = STICKING_SPEED
     for k in range(first, count):
         velocity = row[k].velocity
         speed = abs(velocity)
@@ -299,7 +320,7 @@ def uneventful(row, first, count, restitution, table):  # type: ignore[no-untype
         column = np.uint64(min(row[k].phase * along_phase, CELLS - 1.0))
         side = np.uint64(1 if math.copysign(1.0, velocity) < 0.0 else 0)
         cell = (side * np.uint64(CELLS) + level) * np.uint64(CELLS) + column
-        if heads[cell] != EMPTY or restitution * speed < slow:
+        if heads[cell] != EMPTY or restitution * speed < STICKING_SPEED:
             return k
     return count
 
@@ -374,6 +395,13 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
                 w.impacts = 0
                 w.point = EMPTY
                 w.box = EMPTY
+                w.stick = EMPTY
+                w.release = math.nan
+                start = starts[tile.start[i]]
+                if start.velocity == 0.0 and start.displacement in (0.0, -1.0):
+                    held = int(-start.displacement)
+                    if is_held(held, start.phase, start):
+                        note_stick(w, held, start.phase, start)
         if busy == 0:
             return total
         advance(tile, impacts, STEPS)
@@ -402,6 +430,8 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
                 k += 1
             total += count
             n = w.impacts
+            results[number].stick = w.stick
+            results[number].release = w.release
             if label != EMPTY:
                 finish(tile, i, results[number], label, lifetime, n)
             elif tile.end[i] == RESTS:

@@ -1,9 +1,11 @@
-"""How long many trajectories last before a periodic orbit captures them."""
+"""How long many trajectories last before a periodic orbit captures them, and at which rate."""
 
+import dataclasses
 import math
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from .compiled import kernel
 from .elementary import TWO_PI
@@ -17,6 +19,76 @@ CAPTURED: Final = 1
 SURVIVED: Final = 0
 ENDED: Final = -1
 UNUSED: Final = -2
+
+
+@dataclasses.dataclass(frozen=True)
+class EscapeRate:
+    """
+    Rate of a geometric law, from lifetimes of which some are censored.
+
+    Attributes
+    ----------
+    rate, error : float
+        Per impact [1], and its standard error.
+    escapes : int
+        Lifetimes that were seen to end.
+    at_risk : float
+        Impacts made by all trajectories while the law was counted [1].
+
+    """
+
+    rate: float
+    error: float
+    escapes: int
+    at_risk: float
+
+    @property
+    def mean(self) -> float:
+        """Mean lifetime [impacts], inf where nothing escaped."""
+        return 1.0 / self.rate if self.rate > 0.0 else math.inf
+
+    @property
+    def mean_error(self) -> float:
+        """Its standard error [impacts]."""
+        return self.error / self.rate**2 if self.rate > 0.0 else math.inf
+
+
+def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
+                numbers: npt.ArrayLike = 1) -> EscapeRate:
+    """
+    Estimate an escape rate: the maximum of the likelihood of a geometric law.
+
+    Of the impacts that are made after `skip` each is the last with the same probability: escapes
+    over impacts at risk, whatever the censoring.
+
+    Parameters
+    ----------
+    lifetimes : array_like
+        Impacts until each trajectory escaped or was given up [1].
+    censored : array_like of bool
+        Which were given up.
+    skip : float
+        The law holds from so many impacts on; what escapes earlier says nothing [1].
+    numbers : array_like of int
+        Independent trajectories with each of these lifetimes.
+
+    Returns
+    -------
+    EscapeRate
+        Its error is the scatter of independent trajectories, whether the law holds or not, and
+        at least that of one escape.
+
+    """
+    life = np.asarray(lifetimes, np.float64)
+    late = np.where(life > skip, numbers, 0)
+    escaped = np.where(censored, 0, 1)
+    at_risk = float(np.sum(late * (life - skip)))
+    escapes = int(np.sum(late * escaped))
+    if at_risk <= 0.0:
+        return EscapeRate(math.nan, math.nan, 0, 0.0)
+    rate = escapes / at_risk
+    scatter = math.sqrt(float(np.sum(late * (escaped - rate * (life - skip))**2)))
+    return EscapeRate(rate, max(scatter, 1.0) / at_risk, escapes, at_risk)
 
 
 @kernel

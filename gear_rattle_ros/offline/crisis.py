@@ -8,6 +8,7 @@ exponent of the lifetimes.
 
 import argparse
 import dataclasses
+import math
 import sys
 from typing import Any, Final
 
@@ -123,8 +124,9 @@ def law_of(store: Store) -> LifetimeLaw:
     """
     rates = rates_of(store)
     some = [k for k, rate in enumerate(rates) if k > 0 and rate.escapes >= 10]
+    # Weighed by their counts: the errors of few escapes scatter themselves.
     data = (store.read_all('alpha')[some], [rates[k].rate for k in some],
-            [rates[k].error for k in some])
+            [rates[k].rate / math.sqrt(rates[k].escapes) for k in some])
     law = fit_law(*data)
     exponent, exponent_error = fit_exponent(*data, store.attributes['tangency_alpha'])
     per_impact = {'units': '1/impact'}

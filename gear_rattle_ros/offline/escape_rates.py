@@ -1,4 +1,4 @@
-"""Escape rates of transients and the law by which they vanish at a crisis."""
+"""The law by which escape rates of transients vanish at a crisis."""
 
 import dataclasses
 import math
@@ -13,67 +13,6 @@ ITERATIONS: Final = 500
 CONVERGED: Final = 1e-12
 # Parts of a jackknife.
 QUARTERS: Final = 4
-
-
-@dataclasses.dataclass(frozen=True)
-class EscapeRate:
-    """
-    Rate of an exponential law, from lifetimes of which some are censored.
-
-    Attributes
-    ----------
-    rate, error : float
-        Per impact [1], and its standard error.
-    escapes : int
-        Lifetimes that were seen to end.
-    at_risk : float
-        Impacts made by all trajectories while the law was counted [1].
-
-    """
-
-    rate: float
-    error: float
-    escapes: int
-    at_risk: float
-
-    @property
-    def mean(self) -> float:
-        """Mean lifetime [impacts], inf where nothing escaped."""
-        return 1.0 / self.rate if self.rate > 0.0 else math.inf
-
-    @property
-    def mean_error(self) -> float:
-        """Its standard error [impacts]."""
-        return self.error / self.rate**2 if self.rate > 0.0 else math.inf
-
-
-def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float) -> EscapeRate:
-    """
-    Estimate an escape rate: the maximum of the likelihood of an exponential law.
-
-    Parameters
-    ----------
-    lifetimes : array_like
-        Impacts until each trajectory escaped or was given up [1].
-    censored : array_like of bool
-        Which were given up.
-    skip : float
-        The law holds from so many impacts on; what escapes earlier says nothing [1].
-
-    Returns
-    -------
-    EscapeRate
-        Escapes over impacts at risk.
-
-    """
-    life = np.asarray(lifetimes, np.float64)
-    given_up = np.asarray(censored, bool)
-    late = life > skip
-    at_risk = float(np.sum(life[late] - skip))
-    escapes = int(np.count_nonzero(late & ~given_up))
-    if at_risk <= 0.0:
-        return EscapeRate(math.nan, math.nan, 0, 0.0)
-    return EscapeRate(escapes / at_risk, math.sqrt(escapes) / at_risk, escapes, at_risk)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,14 +10,20 @@ import numpy.typing as npt
 
 from .cli import Run
 from .engine import run_tiles
-from .escape_rates import escape_rate, EscapeRate
 from .grid import make_starts, Plane
 from .layout import Axis, Layout, Variable
 from .search import find_attractors
 from .store import Store
 from .store_making import make_store
 from .tangency import Tangency
-from ..core.escape import CAPTURED, last_until_captured, STEPS, SURVIVED
+from ..core.escape import (
+    CAPTURED,
+    escape_rate,
+    EscapeRate,
+    last_until_captured,
+    STEPS,
+    SURVIVED,
+)
 from ..core.lanes import new_impacts, new_tiles
 from ..core.lanes_step import LANES
 from ..core.model import Parameters

@@ -1,20 +1,23 @@
 """The tool `lifetimes`: how long transients last before an orbit or rest ends them."""
 
 import argparse
+from collections.abc import Iterable, Iterator
 import dataclasses
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from . import cli, options
 from .basins import add_settings, compute_basins, Settings, settings_of
-from .catalogue import Catalogue
+from .catalogue import Catalogue, follow_here
 from .grid import Plane
 from .listing import listed
 from .store import Store
-from ..core.classify import UNRESOLVED
+from .tiles import GRIDS
+from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
+from ..core.escape import escape_rate
 from ..core.model import Parameters
 from ..core.words import counted
 
@@ -29,28 +32,68 @@ HOLD: Final = 20_000
 TAIL: Final = 0.1
 # Bins of the distribution, even in the logarithm.
 BINS: Final = 200
+# Trajectories that many initial conditions share are followed for so many caps.
+FAR: Final = 20
+
+IntArray: TypeAlias = npt.NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Merged:
+    """
+    Initial conditions from which the mass sticks: those that leave at the same phase go on as one.
+
+    A row stands for all that stick after the same number of impacts and go on as the same.
+
+    Attributes
+    ----------
+    stick, after : ndarray of int, shape (n,)
+        Impacts until the mass sticks, and from there until it settles.
+    count, censored : ndarray of int, shape (n,)
+        Initial conditions, and those of them that were given up at the cap.
+    trajectory : ndarray of int, shape (n,)
+        Number of the trajectory that they share.
+    is_open : ndarray of bool, shape (n,)
+        Whether that was given up, far beyond the cap, after so many impacts.
+
+    """
+
+    stick: IntArray
+    after: IntArray
+    count: IntArray
+    censored: IntArray
+    trajectory: IntArray
+    is_open: npt.NDArray[np.bool_]
+
+
+NOTHING: Final = np.zeros(0, np.int64)
+NONE: Final = Merged(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING > 0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Escape:
     """
-    Escape times of many starts, censored at a cap.
+    Escape times of many initial conditions, censored at a cap.
 
     Attributes
     ----------
     cap : int
-        Impacts after which a start was given up.
+        Impacts after which an initial condition was given up.
     starts, censored : int
-        Starts, and those that were given up.
+        Initial conditions, and those that were given up.
     begin : int
         Lifetime from which on the tail is taken to be exponential [impacts].
     in_tail, escapes : int
-        Starts that live longer than `begin`, and those of them that were seen to escape.
+        Those that are independent and live longer than `begin`, and those of them that escape.
+    merged, trajectories : int
+        Initial conditions from which the mass sticks, and the trajectories as which they go on.
     rate, rate_error : float
-        Escapes per impact in the tail, by maximum likelihood, and its standard error.
+        Escapes per impact of independent trajectories in the tail, and its standard error.
     mean, mean_error : float
         Mean lifetime [impacts] and its standard error: as observed up to `begin`, by the
-        exponential tail from there on; inf where nothing escapes.
+        exponential tail from there on; inf where nothing escapes. The error is the scatter of
+        the mean when as many initial conditions are drawn at random from the window; the even
+        ones of a grid scatter no more.
 
     """
 
@@ -60,6 +103,8 @@ class Escape:
     begin: int
     in_tail: int
     escapes: int
+    merged: int
+    trajectories: int
     rate: float
     rate_error: float
     mean: float
@@ -76,30 +121,35 @@ class Escape:
 
         """
         lines = [
-            f'{self.censored:,} of {counted(self.starts, "start")} '
+            f'{self.censored:,} of {counted(self.starts, "initial condition")} '
             f'({self.censored / self.starts:.2%}) live {counted(self.cap, "impact")} or longer',
             f'tail from {counted(self.begin, "impact")}: {counted(self.escapes, "escape")}, rate '
             f'{self.rate:.4e} +- {self.rate_error:.1e} per impact',
             f'mean lifetime: {self.mean:,.1f} +- {self.mean_error:,.1f} impacts']
+        if self.merged:
+            shared = counted(self.trajectories, 'shared trajectory')
+            lines.insert(1, f'from {self.merged:,} of them the mass sticks and goes on along '
+                         f'{shared}, followed once and left out of the rate')
         return '\n'.join(lines)
 
 
-def estimate_escape(counts: npt.NDArray[np.int64], censored: int, begin: int) -> Escape:
+def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged = NONE) -> Escape:
     """
     Estimate the mean lifetime of censored transients.
 
-    Past `begin` lifetimes are taken to be geometric, the discrete form of an exponential: of the
-    impacts that are made there, each is the last with the same probability. The likelihood then
-    has its maximum at escapes by impacts, whatever the censoring.
+    The rate is that of the independent trajectories, which go on at it beyond the cap. The few
+    that many initial conditions share do not need it: they are followed to their ends.
 
     Parameters
     ----------
     counts : ndarray of int, shape (cap + 1,)
-        Starts that were seen to escape, by their lifetime [impacts].
+        Independent initial conditions that were seen to escape, by their lifetime [impacts].
     censored : int
-        Starts that were given up at the cap.
+        Independent ones that were given up at the cap.
     begin : int
         Where the tail begins [impacts], less than the cap.
+    merged : Merged
+        Those that are not independent.
 
     Returns
     -------
@@ -109,41 +159,34 @@ def estimate_escape(counts: npt.NDArray[np.int64], censored: int, begin: int) ->
     Raises
     ------
     ValueError
-        If there are no starts or the tail does not begin below the cap.
+        If there are no initial conditions or the tail does not begin below the cap.
 
     """
     cap = len(counts) - 1
-    escaped = int(np.sum(counts))
-    n = escaped + censored
+    lived, numbers = np.append(np.arange(cap + 1), cap), np.append(counts, censored)
+    n = int(np.sum(numbers) + np.sum(merged.count))
     if not n or not 0 <= begin < cap:
         raise ValueError(f'tail = {begin} does not lie below the cap of {cap} impacts')
-    lifetimes = np.append(np.arange(cap + 1), cap)
-    starts = np.append(counts, censored)
-    late = lifetimes > begin
-    in_tail = int(np.sum(starts[late]))
-    escapes = int(np.sum(counts[late[:-1]]))
-    exposure = float(np.sum(starts[late] * (lifetimes[late] - begin)))
-    rate = escapes / exposure if exposure else math.nan
-    error = rate * math.sqrt((1.0 - rate) / escapes) if escapes else math.nan
-    body = np.minimum(lifetimes, begin).astype(np.float64)
-    if in_tail == 0:
-        mean, spread = _mean_and_spread(body, starts)
-        mean_error = spread / math.sqrt(n)
-    elif escapes == 0:
-        mean, mean_error = math.inf, math.inf
-    else:
-        # A start counts its body and, if it gets there, a mean tail; the rate has its own error.
-        each = body + late / rate
-        share = in_tail / n
-        mean, spread = _mean_and_spread(each, starts)
-        mean_error = math.hypot(spread / math.sqrt(n), share * error / rate**2)
-    return Escape(cap, n, censored, begin, in_tail, escapes, rate, error, mean,
-                  mean_error)
+    late = lived > begin
+    in_tail = int(np.sum(numbers[late]))
+    rate = escape_rate(lived, np.arange(cap + 2) > cap, begin, numbers)
+    # A mean tail for those that get there; what is shared is known, or goes on as long again.
+    each = np.concatenate([
+        np.where(late, begin + rate.mean, lived),
+        merged.stick + merged.after + np.where(merged.is_open, rate.mean, 0.0)])
+    mean, spread = _mean_and_spread(each, np.concatenate([numbers, merged.count]))
+    together = np.bincount(merged.trajectory, merged.count * merged.is_open)
+    errors = [size * rate.mean for size in together if size]
+    if in_tail:
+        errors.append(in_tail * rate.mean_error)
+    return Escape(
+        cap, n, censored + int(np.sum(merged.censored)), begin, in_tail, rate.escapes,
+        int(np.sum(merged.count)), len(set(merged.trajectory)), rate.rate, rate.error, mean,
+        math.hypot(spread * math.sqrt(n), *errors) / n)
 
 
-def distribution(counts: npt.NDArray[np.int64], censored: int
-                 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64],
-                            npt.NDArray[np.float64]]:
+def distribution(counts: IntArray, censored: int
+                 ) -> tuple[npt.NDArray[np.float64], IntArray, npt.NDArray[np.float64]]:
     """
     Count escapes in bins that are even in the logarithm.
 
@@ -196,9 +239,10 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     if not 0 <= begin < settings.cap:
         raise ValueError(f'--tail {begin} does not lie below the cap of {settings.cap} impacts')
     store, catalogue = compute_basins(parameters, plane, run, settings, TITLE)
-    escaped, censored = escapes_in(store, settings.cap)
-    escape = estimate_escape(escaped, censored, begin)
-    edges, counts, survival = distribution(escaped, censored)
+    escaped, censored, merged = tally(parts_of(store, parameters, plane), catalogue.table,
+                                      settings.cap)
+    escape = estimate_escape(escaped[0], int(censored[0]), begin, merged)
+    edges, counts, survival = distribution(np.sum(escaped, axis=0), int(np.sum(censored)))
     store.write_table({
         'edge': (('edge',), edges, {'long_name': 'edge of a bin', 'units': 'impacts'}),
         'escapes': (('bin',), counts, {
@@ -211,37 +255,90 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     return store, catalogue, escape
 
 
-def escapes_in(store: Store, cap: int) -> tuple[npt.NDArray[np.int64], int]:
+def parts_of(store: Store, parameters: Parameters, plane: Plane
+             ) -> Iterator[tuple[RecordArray, RecordArray]]:
     """
-    Count the lifetimes of a grid, tile by tile.
+    Read what became of the initial conditions of a grid, tile by tile.
 
     Parameters
     ----------
     store : Store
         A finished grid.
+    parameters, plane : Parameters, Plane
+        Its model and its cells.
+
+    Yields
+    ------
+    tuple of ndarray
+        Initial conditions (START) and what became of them (RESULT, as far as it is stored).
+
+    """
+    for tile, place in enumerate(store.tiles):
+        starts = plane.starts(parameters, place['velocity'], place['phase'])
+        results = np.zeros(len(starts), RESULT)
+        for name in GRIDS:
+            results[name] = store.read(tile, name).ravel()
+        yield starts, results
+
+
+def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int
+          ) -> tuple[IntArray, IntArray, Merged]:
+    """
+    Count lifetimes, and follow each trajectory that many initial conditions share once.
+
+    Parameters
+    ----------
+    parts : iterable of tuple
+        Initial conditions (START) and what became of them (RESULT).
+    table : Table
+        Known attractors.
     cap : int
-        Impacts after which starts were given up.
+        Impacts after which initial conditions were given up.
 
     Returns
     -------
-    tuple
-        Starts that have escaped by their lifetime [impacts], shape (cap + 1,), and the number of
-        those that were given up.
+    counts : ndarray of int, shape (2, cap + 1)
+        Those that have escaped by their lifetime [impacts]: the independent ones, then those from
+        which the mass sticks.
+    censored : ndarray of int, shape (2,)
+        Those that were given up.
+    merged : Merged
+        Those from which the mass sticks.
 
     """
-    counts = np.zeros(cap + 1, np.int64)
-    censored = 0
-    for tile in range(len(store.tiles)):
-        given_up = store.read(tile, 'label') == UNRESOLVED
-        censored += int(np.sum(given_up))
-        counts += np.bincount(store.read(tile, 'lifetime')[~given_up], minlength=cap + 1)
-    return counts, censored
+    counts, censored = np.zeros((2, cap + 1), np.int64), np.zeros(2, np.int64)
+    rows: dict[tuple[float, int], list[int]] = {}
+    first: dict[float, RecordArray] = {}
+    for starts, results in parts:
+        given_up = results['label'] == UNRESOLVED
+        is_merged = np.isfinite(results['release'])
+        for k, these in enumerate((~is_merged, is_merged)):
+            censored[k] += int(np.sum(given_up & these))
+            counts[k] += np.bincount(results['lifetime'][these & ~given_up], minlength=cap + 1)
+        for cell in np.flatnonzero(is_merged):
+            release = float(results['release'][cell])
+            first.setdefault(release, starts[cell:cell + 1])
+            row = rows.setdefault((release, int(results['stick'][cell])), [0, 0])
+            row[0] += 1
+            row[1] += int(given_up[cell])
+    if not rows:
+        return counts, censored, NONE
+    followed = np.zeros(len(first), RESULT)
+    follow_here(np.concatenate(list(first.values())), FAR * cap, table, followed)
+    trajectory = np.array([list(first).index(release) for release, _ in rows])
+    numbers = np.array(list(rows.values()))
+    return counts, censored, Merged(
+        np.array([stick for _, stick in rows]),
+        (followed['lifetime'] - followed['stick'])[trajectory], numbers[:, 0], numbers[:, 1],
+        trajectory, (followed['label'] == UNRESOLVED)[trajectory])
 
 
-def _mean_and_spread(values: npt.NDArray[np.float64], counts: npt.NDArray[np.int64]
-                     ) -> tuple[float, float]:
-    mean = float(np.average(values, weights=counts))
-    return mean, math.sqrt(float(np.average((values - mean)**2, weights=counts)))
+def _mean_and_spread(values: npt.NDArray[np.float64], counts: IntArray) -> tuple[float, float]:
+    some = counts > 0
+    mean = float(np.average(values[some], weights=counts[some]))
+    if math.isinf(mean):
+        return mean, mean
+    return mean, math.sqrt(float(np.average((values[some] - mean)**2, weights=counts[some])))
 
 
 def main(arguments: list[str] | None = None) -> int:

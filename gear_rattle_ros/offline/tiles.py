@@ -24,6 +24,7 @@ from ..core.model import Parameters
 
 LABELS: Final = '<i2'
 LIFETIMES: Final = '<i4'
+GRIDS: Final = ('label', 'lifetime', 'stick', 'release')
 # Impacts of a start that are looked at where it has not settled, and longest period.
 LOOKED_AT: Final = GLANCE[1:]
 LATE: Final = 'late_orbits'
@@ -110,7 +111,13 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
                          'upper and lower wall, -4 between the walls', 'units': '1'}),
          Variable('lifetime', ('velocity', 'phase'), LIFETIMES, {
              'long_name': 'impacts until the trajectory stays within the tolerance of its '
-                          f'attractor; {cap} where label is -1', 'units': '1'})),
+                          f'attractor; {cap} where label is -1', 'units': '1'}),
+         Variable('stick', ('velocity', 'phase'), LIFETIMES, {
+             'long_name': 'impacts until the mass first sticks; -1 where it settles without',
+             'units': '1'}),
+         Variable('release', ('velocity', 'phase'), '<f8', {
+             'long_name': 'drive phase at which it then leaves the wall: all that leave at the '
+                          'same go on as one trajectory', 'units': 'rad'})),
         identity, {'title': title})
 
 
@@ -161,17 +168,17 @@ def resolve_tile(job: Job, tile: int) -> Done:
 
     """
     store = Store(job.path)
-    label, lifetime = (store.read(tile, name).ravel() for name in ('label', 'lifetime'))
-    left = label == UNRESOLVED
+    left = store.read(tile, 'label').ravel() == UNRESOLVED
     if not np.any(left):
         return Done(0, ())
     starts = job.plane.starts(
         job.catalogue.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])[left]
     found = np.zeros(len(starts), RESULT)
     impacts = follow_here(starts, job.cap, job.catalogue.table, found)
-    results = np.zeros(len(label), RESULT)
-    results['label'], results['lifetime'] = label, lifetime
-    results['label'][left], results['lifetime'][left] = found['label'], found['lifetime']
+    results = np.zeros(len(left), RESULT)
+    for name in GRIDS:
+        results[name] = store.read(tile, name).ravel()
+        results[name][left] = found[name]
     _write(store, tile, results)
     return Done(impacts, ())
 
@@ -261,7 +268,7 @@ def _size(store: Store, tile: int) -> int:
 
 def _write(store: Store, tile: int, results: np.ndarray[Any, Any]) -> None:
     shape = tuple(part.stop - part.start for part in store.tiles[tile].values())
-    store.write(tile, {name: results[name].reshape(shape) for name in ('label', 'lifetime')})
+    store.write(tile, {name: results[name].reshape(shape) for name in GRIDS})
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:

@@ -5,12 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS, UNUSED
+from gear_rattle_ros.core.escape import (
+    CAPTURED,
+    escape_rate,
+    last_until_captured,
+    STEPS,
+    UNUSED,
+)
 from gear_rattle_ros.core.homoclinic import find_edge
 from gear_rattle_ros.core.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET
-from gear_rattle_ros.offline.escape_rates import escape_rate, fit_exponent, fit_law
+from gear_rattle_ros.offline.escape_rates import fit_exponent, fit_law
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.tangency import find_boundary, radius_of

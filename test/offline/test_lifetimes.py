@@ -6,15 +6,20 @@ from grids import run_into
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import UNRESOLVED
-from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.classify import RESULT, UNRESOLVED
+from gear_rattle_ros.core.model import EventKind, Parameters, State
+from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline.basins import Settings
+from gear_rattle_ros.offline.catalogue import Catalogue, follow_here
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.lifetimes import (
     compute_lifetimes,
     distribution,
     estimate_escape,
+    Merged,
+    tally,
 )
+from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 SETTINGS = Settings(cap=1500, starts=64, hold=4000, chaotic=False)
@@ -61,6 +66,88 @@ def test_the_distribution_counts_every_escape():
     assert survival[0] == 1.0
     assert survival[-1] == 1.0 / 8.0
     assert np.all(np.diff(edges) > 0)
+
+
+def estimates(parameters, plane, cap, seeds, count):
+    """Estimate escapes from random initial conditions, once for each seed."""
+    table = find_attractors(parameters, plane.random_starts(parameters, 64, 1), hold=4000,
+                            chaotic=False).table
+    for seed in seeds:
+        starts, results = plane.random_starts(parameters, count, seed), np.zeros(count, RESULT)
+        follow_here(starts, cap, table, results)
+        counts, censored, merged = tally([(starts, results)], table, cap)
+        yield estimate_escape(counts[0], int(censored[0]), cap // 10, merged)
+
+
+@pytest.mark.parametrize(('alpha', 'cap'), [(1.26, 600), (1.3, 300)])
+def test_estimates_scatter_as_their_errors_say(alpha, cap):
+    """Twenty seeds: chi^2 of mean and rate lies between its 0.1 % and 99.9 % quantiles."""
+    found = list(estimates(Parameters(alpha), Plane(), cap, range(20), 1600))
+    assert all(escape.merged > 10 and escape.censored > 10 for escape in found)
+    for values, errors in (([each.mean for each in found], [each.mean_error for each in found]),
+                           ([each.rate for each in found], [each.rate_error for each in found])):
+        weights = 1.0 / np.square(errors)
+        middle = np.average(values, weights=weights)
+        assert 5.41 < np.sum(weights * (values - middle)**2) < 43.82
+
+
+def test_those_that_go_on_as_one_count_as_one():
+    """Slow initial conditions stick: what lies beyond the cap is one trajectory's, not many's."""
+    slow = Plane(velocity=(-0.1, 0.0))
+    short, long = (next(estimates(Parameters(1.244), slow, cap, [3], 400))
+                   for cap in (1_000, 200_000))
+    assert short.merged == long.merged > 100 > 10 > short.trajectories
+    assert long.censored == 0 and short.censored > short.merged / 2
+    assert abs(short.mean - long.mean) < 4.0 * short.mean_error
+    assert short.rate_error > short.rate / np.sqrt(short.escapes + 1) / 2
+    # Alone they are known without an error of the tail.
+    merged = Merged(np.array([200]), np.array([9_800]), np.array([50]), np.array([50]),
+                    np.array([0]), np.array([False]))
+    alone = estimate_escape(np.zeros(1001, np.int64), 0, 500, merged)
+    assert (alone.mean, alone.mean_error, alone.censored) == (10_000.0, 0.0, 50)
+    assert np.isnan(alone.rate) and 'from 50 of them the mass sticks' in alone.describe()
+
+
+def test_a_shared_trajectory_without_an_end_has_the_error_of_one():
+    """Given up far beyond the cap, it lives on for a mean lifetime, give or take as much."""
+    counts = np.bincount(np.random.default_rng(7).geometric(0.01, 100_000), minlength=4001)
+    merged = Merged(np.array([200]), np.array([400_000]), np.array([10_000]), np.array([10_000]),
+                    np.array([0]), np.array([True]))
+    with_it, without = estimate_escape(counts, 0, 10, merged), estimate_escape(counts, 0, 10)
+    assert with_it.rate == without.rate
+    assert with_it.mean == pytest.approx((100_000 * 100.0 + 10_000 * 400_300.0) / 110_000, 0.01)
+    spread = 400_200.0 * np.sqrt(10 / 121) / np.sqrt(110_000)
+    assert with_it.mean_error == pytest.approx(np.hypot(spread, 100.0 / 11.0), rel=0.05)
+
+
+@pytest.mark.parametrize('parameters', [Parameters(1.244), Parameters(0.9, 0.3, -0.2, 0.4)])
+def test_sticks_are_those_of_the_simulator(parameters):
+    """Impacts until the mass first sticks, and the phase at which it leaves, to the bit."""
+    plane = Plane(velocity=(-0.1, 0.1), phases=6, velocities=5)
+    starts, results = plane.starts(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
+    follow_here(starts, 400, Catalogue(parameters).table, results)
+    stuck = 0
+    for start, result in zip(starts, results, strict=True):
+        events = Simulation(parameters, State(
+            0, start['phase'], start['displacement'], start['velocity'])).advance(400, 0.0, 2000)
+        impacts = np.cumsum(events['kind'] <= EventKind.STICK)
+        release = np.flatnonzero((events['kind'] == EventKind.RELEASE) & (impacts <= 400))
+        if len(release):
+            stuck += 1
+            assert result['stick'] == impacts[release[0]]
+            assert result['release'] == events['phase'][release[0]]
+        else:
+            assert result['stick'] == -1 and np.isnan(result['release'])
+    assert stuck > 5
+
+
+@pytest.mark.long
+def test_a_cap_and_none_agree_beyond_the_crisis():
+    """The mean with a cap of less than a lifetime is that without one, within the errors."""
+    short, long = (next(estimates(Parameters(1.244), Plane(), cap, [4], 20_000))
+                   for cap in (5_000, 1_000_000))
+    assert long.censored == 0 and short.merged == long.merged > 300
+    assert abs(short.mean - long.mean) < 3.0 * np.hypot(short.mean_error, long.mean_error)
 
 
 @pytest.fixture(scope='module')
