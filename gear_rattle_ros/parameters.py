@@ -131,7 +131,7 @@ BASIN: Final = (
                   high=0.0, read_only=True),
     Specification('velocity_limit', 0.0, 'the plane has velocities up to this either way; 0 = to '
                   'suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM, read_only=True),
-    Specification('cap', 20000, 'a start that has not settled then stays unresolved', 'impacts',
+    Specification('cap', 20000, 'a start that has not settled then stays unsettled', 'impacts',
                   100, 10000000, read_only=True),
     Specification('threads', 2, 'that compute', 'threads', 1, 256, read_only=True),
     Specification('niceness', 10, 'of the first picture: 0 = as important as others, 19 = least, '

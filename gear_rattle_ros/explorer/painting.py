@@ -1,5 +1,6 @@
 """Pictures of a view as pixels, and the legend in words."""
 
+from collections.abc import Sequence
 import dataclasses
 import html
 import math
@@ -13,17 +14,12 @@ from .catalogues import Known
 from .computing import Picture
 from .view import CAP, LIFETIMES, SPAN
 from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..offline.colours import colours_of, ENDS, follow, painted, points_of, Trace
+from ..offline.colours import follow, points_of, Trace
+from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb, UNSETTLED
 
-CENSORED: Final = '#7fd1ff'
 NAMES: Final = {
-    UNRESOLVED: f'unresolved after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
+    UNRESOLVED: f'unsettled after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
     RESTS_LOWER: 'at rest, lower wall', FLOATING: 'floating between the walls'}
-# Exponents: falling together, indifferent, parting; and all memory lost.
-FALLING: Final = (12, 74, 140)
-INDIFFERENT: Final = (247, 247, 247)
-PARTING: Final = (178, 46, 24)
-FORGOTTEN: Final = '#4d4d4d'
 # Settling slowly looks so much darker in a picture of basins.
 DARKEST: Final = 0.42
 
@@ -64,10 +60,10 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
     if picture.exponents is not None:
         return _paint_exponents(picture.exponents)
     if picture.view.kind == LIFETIMES:
-        table = np.array([_rgb(colour) for colour in Inferno256], np.uint8)
+        table = np.array([rgb(colour) for colour in Inferno256], np.uint8)
         pixels = np.full((*slowness.shape, 4), 255, np.uint8)
         pixels[..., :3] = table[(np.clip(slowness, 0.0, 1.0) * 255.0).astype(np.int64)]
-        pixels[picture.labels == UNRESOLVED, :3] = _rgb(CENSORED)
+        pixels[picture.labels == UNRESOLVED, :3] = rgb(UNSETTLED)
         return pixels
     pixels = painted(picture.labels, colours.by_label)
     shade = np.where(picture.labels == UNRESOLVED, 1.0, 1.0 - DARKEST * np.clip(
@@ -86,7 +82,7 @@ def legend(picture: Picture, colours: Colours) -> str:
     """Say in HTML what the colours mean."""
     if picture.exponents is not None:
         reach = span_of(picture.exponents)
-        bar = _bar([_hex(FALLING), _hex(INDIFFERENT), _hex(PARTING)])
+        bar = _bar(EXPONENTS)
         lost = float(np.mean(np.isneginf(picture.exponents)))
         words = (f'finite-time exponent over {SPAN} impacts [1]&ensp;−{reach:.2f} {bar} '
                  f'+{reach:.2f}')
@@ -97,7 +93,7 @@ def legend(picture: Picture, colours: Colours) -> str:
         bar = _bar(list(Inferno256[::32]) + [Inferno256[-1]])
         words = f'lifetime [impacts]&ensp;1 {bar} {CAP:,}'
         if UNRESOLVED in shares:
-            words += f'&emsp;{_swatch(CENSORED)} longer {shares[UNRESOLVED]:.1%}'
+            words += f'&emsp;{_swatch(UNSETTLED)} longer {shares[UNRESOLVED]:.1%}'
         return words
     ordered = sorted(shares, key=lambda label: -shares[label])
     most = 6
@@ -110,20 +106,12 @@ def legend(picture: Picture, colours: Colours) -> str:
 def _paint_exponents(exponents: npt.NDArray[np.float32]) -> Pixels:
     share = np.nan_to_num(exponents / span_of(exponents), nan=0.0, posinf=1.0, neginf=-1.0)
     share = np.clip(share, -1.0, 1.0)[..., None]
-    towards = np.where(share > 0.0, np.array(PARTING), np.array(FALLING))
-    middle = np.array(INDIFFERENT)
+    falling, middle, parting = (np.array(rgb(colour)) for colour in EXPONENTS)
+    towards = np.where(share > 0.0, parting, falling)
     pixels = np.full((*exponents.shape, 4), 255, np.uint8)
     pixels[..., :3] = middle + (towards - middle) * np.abs(share)
-    pixels[~np.isfinite(exponents), :3] = _rgb(FORGOTTEN)
+    pixels[~np.isfinite(exponents), :3] = rgb(FORGOTTEN)
     return pixels
-
-
-def _rgb(colour: str) -> list[int]:
-    return list(bytes.fromhex(colour[1:7]))
-
-
-def _hex(colour: tuple[int, int, int]) -> str:
-    return '#' + bytes(colour).hex()
 
 
 def _swatch(colour: str) -> str:
@@ -131,6 +119,6 @@ def _swatch(colour: str) -> str:
             f'background:{colour}"></span>')
 
 
-def _bar(colours: list[str]) -> str:
+def _bar(colours: Sequence[str]) -> str:
     return ('<span style="display:inline-block;width:170px;height:11px;border-radius:2px;'
             f'vertical-align:-1px;background:linear-gradient(90deg,{",".join(colours)})"></span>')

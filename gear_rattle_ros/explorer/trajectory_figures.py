@@ -9,12 +9,11 @@ import numpy as np
 from .axes import phase_formatter, phase_ticker
 from .trajectory import IMPACTS, PERIODS, Trajectory
 from ..offline.grid import TWO_PI
+from ..palette import BLUE, GREY
 
 WIDTH = 636
 MOTION_HEIGHT = 190
 HEIGHT = 270
-WALL = '#404040'
-LINE = '#0072b2'
 
 
 class TrajectoryFigures:
@@ -27,9 +26,9 @@ class TrajectoryFigures:
         self.motion = figure(
             width=WIDTH, height=MOTION_HEIGHT, tools='', toolbar_location=None,
             x_range=Range1d(0, PERIODS), y_range=Range1d(-1.12, 0.12), title='motion')
-        self.motion.line('t', 's', source=self._motion, color=LINE, line_width=1.4)
+        self.motion.line('t', 's', source=self._motion, color=BLUE, line_width=1.4)
         for wall in (-1.0, 0.0):
-            self.motion.add_layout(Span(location=wall, dimension='width', line_color=WALL,
+            self.motion.add_layout(Span(location=wall, dimension='width', line_color=GREY,
                                         line_width=2))
         self.motion.xaxis.axis_label = 'drive periods τ/2π'
         self.motion.yaxis.axis_label = 's [1]'

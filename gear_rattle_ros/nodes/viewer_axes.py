@@ -8,6 +8,8 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ..palette import AMBER, rgba, SKY
+
 TWO_PI = 2.0 * math.pi
 # Half the height of the section; its width is 2 pi. Velocities are scaled to it.
 HALF_HEIGHT: Final = 2.2
@@ -22,8 +24,6 @@ FRAME: Final = 0x8A8F98FF
 FAINT: Final = 0x4A4F58FF
 LABEL: Final = 0xE4E7ECFF
 BRIGHT: Final = 0xFFFFFFFF
-MOTION: Final = 0x6CC5FFFF
-WALL: Final = 0xE0A040FF
 # Basins are so faint that impacts stand out from them.
 BASIN_OPACITY: Final = 0.35
 # Plasma without its darkest part, evenly spaced.
@@ -92,11 +92,11 @@ def flight_axes() -> list[Logged]:
         # Displacement goes up, while y points down.
         ('flight/plane', rr.Transform3D(scale=[PERIOD_WIDTH, -1.0, 1.0])),
         ('flight/plane/walls', rr.LineStrips2D(
-            walls, radii=rr.Radius.ui_points(1.2), colors=WALL, draw_order=1.0)),
+            walls, radii=rr.Radius.ui_points(1.2), colors=rgba(AMBER), draw_order=1.0)),
         ('flight/plane/periods', rr.LineStrips2D(
             lines, radii=rr.Radius.ui_points(0.4), colors=FAINT, draw_order=0.0)),
         ('flight/plane/motion', rr.LineStrips2D.from_fields(
-            radii=rr.Radius.ui_points(1.0), colors=MOTION, draw_order=30.0)),
+            radii=rr.Radius.ui_points(1.0), colors=rgba(SKY), draw_order=30.0)),
         ('flight/tau', rr.Points2D(
             ticks, labels=[f'{x}'.replace('-', '−') for x in range(first, last + 1)],
             show_labels=True, radii=0.0, colors=LABEL)),
@@ -132,7 +132,7 @@ def blueprint(colour: str) -> rrb.Blueprint:
         start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
     exponents = rrb.TimeSeriesView(
         origin='/exponents', axis_x=whole, plot_legend=rrb.PlotLegend(visible=False),
-        name='Exponents: λ1 ± error blue, finite-time green, λ2 violet, sum orange, exact grey')
+        name='Exponents: λ1 ± error blue, finite-time green, λ2 purple, sum orange, exact grey')
     alpha = rrb.TimeSeriesView(
         origin='/alpha', axis_x=whole, name='Alpha', plot_legend=rrb.PlotLegend(visible=False))
     state = rrb.TextDocumentView(origin='/state', name='State')

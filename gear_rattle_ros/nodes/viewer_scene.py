@@ -24,6 +24,7 @@ from .viewer_basin import BasinPicture
 from .viewer_recent import Recent, ROW, RowArray
 from ..core.axes import Place
 from ..core.reconstruction import rebuild
+from ..palette import BLUE, GREEN, ORANGE, PURPLE, rgba
 
 TWO_PI = 2.0 * math.pi
 # Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.
@@ -54,7 +55,8 @@ EXPONENTS: Final = (
     ('zero', ''),
 )
 EXPONENT_COLOURS: Final = [
-    0x3D8FE0FF, 0x3D8FE080, 0x3D8FE080, 0x35A66BB0, 0x9B6BD6FF, 0xE08A2EFF, 0x808080FF, 0x808080C0,
+    rgba(BLUE), rgba(BLUE, 0x80), rgba(BLUE, 0x80), rgba(GREEN, 0xB0), rgba(PURPLE), rgba(ORANGE),
+    0x808080FF, 0x808080C0,
 ]
 EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 2.5, 1.0, 1.0]
 
@@ -82,12 +84,12 @@ class Scene:
         for path, archetype in (*section_axes(), *flight_axes()):
             recording.log(path, archetype, static=True)
         recording.log('velocity', rr.SeriesPoints(
-            colors=0x3D8FE0FF, names='velocity', markers='circle', marker_sizes=1.6), static=True)
+            colors=rgba(BLUE), names='velocity', markers='circle', marker_sizes=1.6), static=True)
         recording.log('exponents', rr.SeriesLines(
             colors=EXPONENT_COLOURS, names=[name for name, _ in EXPONENTS],
             widths=EXPONENT_WIDTHS), static=True)
         recording.log('alpha', rr.SeriesLines(
-            colors=0xE08A2EFF, names='alpha', widths=2.0, interpolation_mode='StepAfter'),
+            colors=rgba(ORANGE), names='alpha', widths=2.0, interpolation_mode='StepAfter'),
             static=True)
 
     def is_due(self, time: float) -> bool:

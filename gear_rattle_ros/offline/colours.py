@@ -1,6 +1,5 @@
 """Colours of attractors that stay while a parameter moves: matched from value to value."""
 
-from collections.abc import Mapping
 import dataclasses
 import math
 from typing import Final
@@ -9,14 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .catalogue import Catalogue, Kind
-from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
 from ..core.section import turn
 
-# Told apart by the colour-blind too (after Okabe & Ito), then darker and lighter ones of them.
-HUES: Final = ('#0072b2', '#e69f00', '#009e73', '#cc79a7', '#d55e00', '#56b4e9', '#f0e442',
-               '#004a75', '#8f5f00', '#00523c', '#7d3c63', '#7a3600')
-ENDS: Final = {UNRESOLVED: '#d9d9d9', RESTS_UPPER: '#6b6b6b', RESTS_LOWER: '#a3a3a3',
-               FLOATING: '#4d4d4d'}
 # Attractors whose points lie further apart than this are not the same one, moved [1].
 FAR: Final = 0.35
 # Points of a chaotic attractor that are compared.
@@ -129,46 +122,3 @@ def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
     traces = tuple(Trace(hues[place], points, is_chaotic)
                    for place, (points, is_chaotic) in enumerate(found))
     return (*traces, *kept), tuple(hues[place] for place in range(len(found)))
-
-
-def colours_of(hues: tuple[int, ...]) -> dict[int, str]:
-    """
-    List the colour of every label.
-
-    Parameters
-    ----------
-    hues : tuple of int
-        Numbers of the colours of labels 0, 1, ..., as `follow` gives them.
-
-    Returns
-    -------
-    dict
-        Colours as HTML writes them, by label; those of the unresolved and of rest among them.
-
-    """
-    return ENDS | {label: HUES[hue % len(HUES)] for label, hue in enumerate(hues)}
-
-
-def painted(labels: npt.NDArray[np.signedinteger], colours: Mapping[int, str]
-            ) -> npt.NDArray[np.uint8]:
-    """
-    Paint a grid of labels.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (velocities, phases)
-        Label of every start.
-    colours : mapping
-        Colour of every label.
-
-    Returns
-    -------
-    ndarray of uint8, shape (velocities, phases, 4)
-        Red, green, blue, opacity.
-
-    """
-    lowest = min(colours)
-    table = np.zeros((max(colours) - lowest + 1, 4), np.uint8)
-    for label, colour in colours.items():
-        table[label - lowest] = [*bytes.fromhex(colour[1:]), 255]
-    return table[labels - lowest]

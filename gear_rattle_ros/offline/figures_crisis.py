@@ -5,8 +5,9 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from .crisis import PAPER
-from .figures_style import add_axes, GREY, hue, new_figure, thousands
+from .figures_style import add_axes, new_figure, thousands
 from .store import Store
+from ..palette import GREY, hue
 
 WIDTH, HEIGHT = 900, 640
 

@@ -13,9 +13,6 @@ from .figures_style import (
     add_axes,
     equalise,
     FloatArray,
-    GREY,
-    hue,
-    HUES,
     new_figure,
     shade,
     VELOCITY_LABEL,
@@ -23,6 +20,7 @@ from .figures_style import (
 )
 from .store import Store
 from ..core.words import counted
+from ..palette import GREY, hue
 
 # Margins of a picture [pixels].
 LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
@@ -170,7 +168,7 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
     if len(names) < 2:
         return
     handles = [Line2D([], [], marker='s', linestyle='none', color=hue(n),
-                      label=f'attractor {n}') for n in names[:min(LEGEND_MOST, len(HUES))]]
+                      label=f'attractor {n}') for n in names[:LEGEND_MOST]]
     axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
                 ncols=len(handles), fontsize=11, handletextpad=0.2, columnspacing=1.2,
                 borderaxespad=0.1)

@@ -9,8 +9,6 @@ import numpy as np
 from .figures_style import (
     add_axes,
     equalise,
-    GREY,
-    hue,
     new_figure,
     phase_ticks,
     shade,
@@ -19,6 +17,7 @@ from .figures_style import (
 )
 from .store import Store
 from ..core.words import counted
+from ..palette import GREY, hue
 
 LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
 

@@ -15,8 +15,6 @@ from PIL import Image
 
 FloatArray = npt.NDArray[np.float64]
 DPI: Final = 100
-# Hues of attractors, told apart by the colour-blind too (Okabe & Ito), as dark as on paper.
-HUES: Final = ('#0a5a9c', '#c2410c', '#04724d', '#8a2c76', '#8a6100', '#2f2f2f')
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.
 HALO: Final = 0.45
@@ -25,7 +23,6 @@ HALO: Final = 0.45
 SMALL: Final = (600, 520, 440, 380)
 LONGEST: Final = 100_000
 COLOURS: Final = 48
-GREY: Final = '#606060'
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
@@ -86,11 +83,6 @@ def in_pi(value: float, parts: int) -> str:
 
 def _tick_in_pi(parts: int, value: float, _: int | None) -> str:
     return in_pi(value, parts)
-
-
-def hue(number: int) -> str:
-    """Give the colour of an attractor."""
-    return HUES[number % len(HUES)]
 
 
 def shade(colour: str, share: FloatArray) -> FloatArray:

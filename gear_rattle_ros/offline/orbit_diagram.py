@@ -146,12 +146,14 @@ def write_attractors(store: Store) -> None:
 
 def listed(store: Store) -> str:
     """List the attractors of a diagram, numbered as in the store and in the picture."""
-    numbers, alphas = store.read_all('attractor'), store.read_all('alpha')
+    numbers, alphas, keys = (store.read_all(name) for name in ('attractor', 'alpha', 'key'))
     rows = []
     for label in np.unique(numbers[numbers >= 0]):
-        seen = alphas[(numbers == label).any(axis=(0, 2))]
-        rows.append([str(label), f'{len(seen):,}', f'{seen[0]:.6f}', f'{seen[-1]:.6f}'])
-    return in_columns([' attractor', ' alphas', ' from [1]', ' to [1]'], rows)
+        _, places, _ = np.nonzero(numbers == label)
+        seen = alphas[np.unique(places)]
+        rows.append([str(label), f'{len(seen):,}', f'{seen[0]:.6f}', f'{seen[-1]:.6f}',
+                     str(keys[numbers == label][np.argmin(places)])])
+    return in_columns([' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows)
 
 
 def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> npt.NDArray[np.void]:

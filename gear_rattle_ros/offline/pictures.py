@@ -7,7 +7,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
@@ -15,34 +15,36 @@ import numpy as np
 import numpy.typing as npt
 
 from .catalogue import Attractor, Catalogue, Kind
-from .figures_style import hue, phase_ticks
+from .figures_style import phase_ticks
 from .grid import Plane
 from ..core.classify import UNRESOLVED
+from ..core.words import counted
+from ..palette import (
+    BLUE,
+    colours_of,
+    EXPONENTS,
+    FORGOTTEN,
+    GREY,
+    hue,
+    ORANGE,
+    painted,
+    UNSETTLED,
+)
 
 DPI: Final = 120
 # No picture has more cells than this along an edge: the rest is not seen anyway.
 EDGE: Final = 2000
-UNKNOWN: Final = '#e0e0e0'
-CENSORED: Final = '#7fd1ff'
 
 
 def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[Attractor, ...],
                 title: str) -> Figure:
     """Draw which start goes where."""
     figure, axes = _new(title)
-    # By key, not by share: its colour does not change where another basin becomes the larger.
-    shown = sorted((each for each in attractors if each.kind is not Kind.UNSETTLED
-                    and np.any(labels == each.label)), key=lambda each: each.key)
-    colours = [UNKNOWN, *_colours(len(shown))]
-    numbers = np.zeros(labels.shape, np.int64)
-    for number, each in enumerate(shown, 1):
-        numbers[labels == each.label] = number
-    axes.imshow(numbers, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
-                **_placed(plane))
-    patches = [Patch(color=colour, label=f'{each.key}  {_share(labels == each.label)}')
-               for colour, each in zip(colours[1:], shown, strict=True)]
-    if np.any(labels == UNRESOLVED):
-        patches.append(Patch(color=UNKNOWN, label=f'unresolved  {_share(labels == UNRESOLVED)}'))
+    colours = colours_of(range(len(attractors)))
+    axes.imshow(painted(labels, colours), **_placed(plane))
+    names = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
+    patches = [Patch(color=colours[label], label=f'{label}  {name}  {_share(labels == label)}')
+               for label, name in names.items() if np.any(labels == label)]
     figure.legend(handles=patches[:16], loc='outside lower center', ncols=2, frameon=False)
     _label(axes, plane)
     return figure
@@ -54,14 +56,13 @@ def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bo
     figure, axes = _new(title)
     norm = Normalize(0, cap) if grey else LogNorm(1, max(cap, 2))
     shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not grey))
-    colours = colormaps['gray_r' if grey else 'inferno'].copy()
-    colours.set_bad(CENSORED)
+    colours = colormaps['gray_r' if grey else 'inferno'].with_extremes(bad=UNSETTLED)
     drawn = axes.imshow(shown, cmap=colours, norm=norm, **_placed(plane))
     bar = figure.colorbar(drawn, ax=axes, shrink=0.9)
     bar.set_label('lifetime of the transient [impacts]')
     if np.any(censored):
-        words = f'{cap:,} impacts or more  {_share(censored)}'
-        figure.legend(handles=[Patch(color='black' if grey else CENSORED, label=words)],
+        words = f'{counted(cap, "impact")} or more  {_share(censored)}'
+        figure.legend(handles=[Patch(color='black' if grey else UNSETTLED, label=words)],
                       loc='outside lower center', frameon=False)
     _label(axes, plane)
     return figure
@@ -72,8 +73,8 @@ def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str)
     figure, axes = _new(title)
     finite = np.abs(exponents[np.isfinite(exponents)])
     reach = max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
-    colours = colormaps['RdBu_r'].copy()
-    colours.set_bad('#4d4d4d')
+    colours = LinearSegmentedColormap.from_list('exponents', EXPONENTS).with_extremes(
+        bad=FORGOTTEN)
     drawn = axes.imshow(np.ma.masked_invalid(exponents), cmap=colours,
                         norm=Normalize(-reach, reach), **_placed(plane))
     figure.colorbar(drawn, ax=axes, shrink=0.9, extend='both').set_label(
@@ -85,14 +86,14 @@ def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str)
 def draw_section(catalogue: Catalogue) -> Figure:
     """Draw the attractors on the section."""
     figure, axes = _new(f'Attractors on the section, {in_words(catalogue)}')
-    for number, each in enumerate(catalogue.attractors):
+    for each in catalogue.attractors:
         points = each.points()
         if len(points):
             # A chaotic attractor is a thin line.
             axes.scatter(points[:, 1], points[:, 2], s=3.0 if each.kind is Kind.CHAOTIC else 40.0,
-                         color=hue(number), linewidths=0,
-                         label=f'{each.key}  {100.0 * each.share:.1f} %')
-    axes.axhline(0.0, color='#808080', linewidth=0.6)
+                         color=hue(each.label), linewidths=0,
+                         label=f'{each.label}  {each.key}  {100.0 * each.share:.1f} %')
+    axes.axhline(0.0, color=GREY, linewidth=0.6)
     axes.set_xlim(0.0, 2.0 * math.pi)
     legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
     for handle in legend.legend_handles:
@@ -107,11 +108,11 @@ def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float
                   begin: float, rate: float, title: str) -> Figure:
     """Draw how many starts are still in their transient."""
     figure, axes = _new(title)
-    axes.plot(times, survival, color='#2b6fb8', label='share still transient')
+    axes.plot(times, survival, color=BLUE, label='share still transient')
     if rate > 0.0 and np.isfinite(rate):
         tail = times[times >= begin]
         at_begin = float(np.interp(begin, times, survival))
-        axes.plot(tail, at_begin * np.exp(-rate * (tail - begin)), color='#d9781e',
+        axes.plot(tail, at_begin * np.exp(-rate * (tail - begin)), color=ORANGE,
                   linestyle='--', label=f'exponential tail, 1/rate = {1.0 / rate:,.0f} impacts')
     axes.set(xlabel='impacts', ylabel='share of the starts', yscale='log')
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
@@ -155,8 +156,3 @@ def _label(axes: Axes, plane: Plane | None) -> None:
 
 def _share(chosen: npt.NDArray[np.bool_]) -> str:
     return f'{100.0 * float(np.mean(chosen)):.2f} %'
-
-
-def _colours(count: int) -> list[Any]:
-    # Ends of the map are near black and yellow on white.
-    return [colormaps['viridis'](0.05 + 0.87 * n / max(count - 1, 1)) for n in range(count)]

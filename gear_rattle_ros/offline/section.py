@@ -2,15 +2,14 @@
 
 import argparse
 import dataclasses
-import json
 from typing import Final
 
 import numpy as np
 
-from .catalogue import Kind
 from .cli import Figure, Run, run_tool
 from .grid import Plane, TWO_PI
 from .layout import Axis, Layout, Variable
+from .listing import listed
 from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
 from .search import find_attractors
 from .store import Store
@@ -69,7 +68,7 @@ class Section:
                              'empty or reversed; give the lower end first')
 
 
-def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
+def compute(section: Section, run: Run) -> tuple[Store, str]:
     """
     Count impacts.
 
@@ -84,17 +83,17 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     -------
     store : Store
         Its store.
-    words : list of str
-        What was seen.
+    words : str
+        What was seen, as a table.
 
     """
     store = make_store(run.output, _layout(section), run.command, resume=run.resume)
     if not store.pending() and all(store.has_table(name) for name in TABLES):
-        return store, json.loads(store.attributes['seen'])
+        return store, str(store.attributes['seen'])
     progress = run.progress(section.trajectories)
     starts = section.plane.random_starts(section.parameters, section.trajectories, section.seed)
-    last = section.skip + section.keep
-    catalogue = find_attractors(section.parameters, starts, hold=last, threads=run.threads)
+    catalogue = find_attractors(section.parameters, starts, hold=section.skip + section.keep,
+                                threads=run.threads)
     counts = np.zeros((2, section.velocities, section.phases))
 
     def count(kind: int, phases: FloatArray, velocities: FloatArray, times: int) -> None:
@@ -102,18 +101,11 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
             velocities, phases, (section.velocities, section.phases),
             (section.velocity, (0.0, TWO_PI)))[0]
 
-    words = []
     points = [np.zeros((0, 2))]
     for each in catalogue.attractors:
         if each.orbit and each.settled:
             count(SETTLED, each.orbit.phases, each.orbit.velocities, each.settled)
             points.append(each.orbit.points)
-            words.append(f'{each.settled} are on an orbit of {each.impacts} impacts in '
-                         f'{each.drive_periods} drive periods, largest multiplier '
-                         f'{abs(each.multipliers[0]):.4f}: {each.key}')
-        elif each.settled:
-            after = f' after {last:,} impacts' if each.kind is Kind.UNSETTLED else ''
-            words.append(f'{each.settled} are {each.kind.value}{after}: {each.key}')
     on_orbit = np.isin(catalogue.labels, [each.label for each in catalogue.attractors
                                           if each.orbit])
     progress.add(int(np.count_nonzero(on_orbit)))
@@ -132,6 +124,7 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
             'long_name': 'phase of the impacts of periodic orbits', 'units': 'rad'}),
         TABLES[1]: (('point',), found[:, 1], {
             'long_name': 'velocity just before them', 'units': '1'})})
+    words = listed(catalogue)
     store.set_attributes({'seen': words})
     # Last, as nothing of this is computed again once both are done.
     for kind in (SETTLED, WANDERING):
@@ -194,7 +187,7 @@ def main(arguments: list[str] | None = None) -> int:
                           given.skip, given.keep, (given.bin_window[0], given.bin_window[1]),
                           *given.bins)
         store, words = compute(section, run)
-        print('\n'.join(words))
+        print(words)
 
         def draw() -> Figure:
             # Only here: matplotlib takes a second to import.

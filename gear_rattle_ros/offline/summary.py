@@ -16,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .digest import Digest, digest_of, in_words, RowArray
-from .figures_style import GREY, phase_ticks, thousands, VELOCITY_LABEL
+from .figures_style import phase_ticks, thousands, VELOCITY_LABEL
 from .plain import attempt, Parser
 from ..bags import Bag, BagError
 from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
 from ..core.simulation import Simulation
+from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
 TWO_PI = 2.0 * math.pi
@@ -34,7 +35,6 @@ LINES_MOST: Final = 20
 MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
 MAP_END: Final = 0.75
-BLUE, GREEN, VIOLET, ORANGE = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e'
 
 
 def draw(digest: Digest, name: str) -> Figure:
@@ -148,7 +148,7 @@ def draw_exponents(axes: Axes, digest: Digest) -> None:
     for name, label, colour, width in (
         ('lambda_1_finite', 'λ1, last 1,000 impacts', GREEN, 1.2),
         ('lambda_1', 'λ1 ± standard error', BLUE, 1.8),
-        ('lambda_2', 'λ2', VIOLET, 1.4),
+        ('lambda_2', 'λ2', PURPLE, 1.4),
         ('exact_sum', '2 ln r − beta <D>, exact', GREY, 4.0),
         ('sum', 'λ1 + λ2', ORANGE, 1.4),
     ):

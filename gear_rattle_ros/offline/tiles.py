@@ -107,7 +107,7 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
          Axis('phase', plane.phase_values(),
               {'long_name': 'initial drive phase', 'units': 'rad'}, edge)),
         (Variable('label', ('velocity', 'phase'), LABELS, {
-            'long_name': 'attractor: attractor_label; -1 unresolved, -2 and -3 at rest on the '
+            'long_name': 'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the '
                          'upper and lower wall, -4 between the walls', 'units': '1'}),
          Variable('lifetime', ('velocity', 'phase'), LIFETIMES, {
              'long_name': 'impacts until the trajectory stays within the tolerance of its '

@@ -19,10 +19,10 @@ from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP
-from gear_rattle_ros.offline.colours import HUES
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
+from gear_rattle_ros.palette import HUES
 
 pytestmark = pytest.mark.long
 

@@ -16,7 +16,7 @@ from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
-from gear_rattle_ros.offline.colours import ENDS
+from gear_rattle_ros.palette import ENDS
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 # The colour of a start that has not settled.
@@ -51,7 +51,7 @@ class Pictures:
             return False
         # All pictures at one alpha bear the same stamp.
         shares = dict(points_of(self.clouds[-1])[['label', 'share']].tolist())
-        return (float(values_of(self.states[-1])['unresolved']) == 0.0
+        return (float(values_of(self.states[-1])['unsettled']) == 0.0
                 and not np.any(pixels_of(self.images[-1]) == UNSETTLED)
                 and sum(shares.values()) == pytest.approx(1.0))
 

@@ -73,7 +73,8 @@ def test_every_byte_comes_again_as_fast_as_possible(start, listener: Listener, b
     assert listener.clouds == CLOUDS
     assert listener.states == STATES
     assert process.text().startswith(
-        f'replayed {len(CLOUDS) + len(STATES):,} messages on 2 topics, complete at 2.000 s of 2.000')
+        f'replayed {len(CLOUDS) + len(STATES):,} messages on 2 topics, complete at 2.000 s '
+        'of 2.000')
 
 
 def test_it_waits_for_all_readers_it_is_told_of(

@@ -26,6 +26,7 @@ from gear_rattle_ros.nodes.viewer_sinks import file_recording
 from gear_rattle_ros.offline.colours import follow, points_of
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.progressive import Basins, glance, refine
+from gear_rattle_ros.palette import AMBER, BLUE, ORANGE, PURPLE, rgb, SKY
 
 pytestmark = pytest.mark.long
 WIDTH, HEIGHT = 1280, 720
@@ -182,9 +183,9 @@ def part(pixels: Pixels, view: tuple[float, float, float, float]) -> Pixels:
     return pixels[int(top * HEIGHT):int(bottom * HEIGHT), int(left * WIDTH):int(right * WIDTH)]
 
 
-def like(pixels: Pixels, colour: int, tolerance: int = 60) -> np.ndarray:
+def like(pixels: Pixels, colour: str, tolerance: int = 60) -> np.ndarray:
     """Tell which pixels are about a colour."""
-    wanted = np.array([colour >> 16 & 0xFF, colour >> 8 & 0xFF, colour & 0xFF])
+    wanted = np.array(rgb(colour))
     return np.abs(pixels - wanted).sum(axis=-1) < tolerance
 
 
@@ -197,14 +198,14 @@ def hued(pixels: Pixels) -> np.ndarray:
 def settled(pixels: Pixels) -> Pixels:
     """Return pixels that show section and plots; fail while they are not drawn, or covered."""
     assert np.mean(hued(part(pixels, SECTION)) > 0) > 0.4
-    assert like(part(pixels, ALPHA), 0xE08A2E).sum() > 300
+    assert like(part(pixels, ALPHA), ORANGE).sum() > 300
     assert len(walls_of(pixels))
     return pixels
 
 
 def walls_of(pixels: Pixels) -> np.ndarray:
     """Return the rows of both walls in the view of the flight."""
-    return np.flatnonzero(np.mean(like(part(pixels, FLIGHT), 0xE0A040), axis=1) > 0.7)
+    return np.flatnonzero(np.mean(like(part(pixels, FLIGHT), AMBER), axis=1) > 0.7)
 
 
 def check(pixels: Pixels, basins: Basins) -> None:
@@ -240,15 +241,15 @@ def check(pixels: Pixels, basins: Basins) -> None:
     flight = part(pixels, FLIGHT)
     walls = walls_of(pixels)
     assert walls[-1] - walls[0] > 60
-    motion = np.flatnonzero(like(flight, 0x6CC5FF).any(axis=1))
+    motion = np.flatnonzero(like(flight, SKY).any(axis=1))
     assert walls[0] - 4 <= motion[0] and motion[-1] <= walls[-1] + 4
     assert motion[-1] - motion[0] > 0.9 * (walls[-1] - walls[0])
-    assert like(part(pixels, VELOCITY), 0x3D8FE0).sum() > 1000
+    assert like(part(pixels, VELOCITY), BLUE).sum() > 1000
     exponents = part(pixels, EXPONENTS)
-    assert like(exponents, 0x9B6BD6).sum() + like(exponents, 0x3D8FE0).sum() > 150
-    assert like(exponents, 0xE08A2E).sum() > 150
+    assert like(exponents, PURPLE).sum() + like(exponents, BLUE).sum() > 150
+    assert like(exponents, ORANGE).sum() > 150
     # Alpha falls once: the line is higher at the left than at the right.
-    alpha = like(part(pixels, ALPHA), 0xE08A2E)
+    alpha = like(part(pixels, ALPHA), ORANGE)
     heights = [np.mean(np.flatnonzero(alpha[:, slot].any(axis=1)))
                for slot in (slice(60, 150), slice(-150, -60))]
     assert heights[0] < heights[1] - 10

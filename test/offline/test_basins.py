@@ -28,6 +28,7 @@ from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.store_making import make_store
+from gear_rattle_ros.palette import hue, rgb
 
 PLANE = Plane(phases=48, velocities=40)
 
@@ -261,7 +262,8 @@ def test_the_picture_shows_every_attractor(reference, tmp_path):
     _, label, _, attractors = reference
     figure = pictures.draw_basins(label.astype(np.int64), PLANE, attractors, 'title')
     image = figure.axes[0].images[0]
-    shares = [np.mean(image.get_array() == number) for number in (1, 2)]
+    shares = [np.mean(np.all(image.get_array()[..., :3] == rgb(hue(number)), axis=-1))
+              for number in (0, 1)]
     assert shares == [np.mean(label == each.label) for each in attractors]
     words = figure.legends[0].get_texts()[0].get_text()
     assert f'{100.0 * shares[0]:.2f} %' in words

@@ -1,0 +1,64 @@
+"""Colours are told apart, by the colour-blind too, and are the same from picture to picture."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.offline.colours import follow, points_of
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.pictures import draw_basins, draw_section
+from gear_rattle_ros.offline.search import find_attractors
+from gear_rattle_ros.palette import colours_of, HUES, rgb, rgba, UNSETTLED
+
+# Machado, Oliveira & Fernandes (2009), severity 1, on linear red, green and blue.
+VISION = {
+    'normal': np.eye(3),
+    'protanopia': np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+                            [-0.003882, -0.048116, 1.051998]]),
+    'deuteranopia': np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+                              [-0.011820, 0.042940, 0.968881]]),
+    'tritanopia': np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+                            [0.004733, 0.691367, 0.303900]])}
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+def lab(colour: str, seen: np.ndarray) -> np.ndarray:
+    """Return CIE L*a*b* of a colour of sRGB as somebody sees it."""
+    part = np.array(rgb(colour)) / 255.0
+    linear = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
+    x, y, z = np.cbrt(np.clip(XYZ @ seen @ linear / XYZ.sum(axis=1), 0.0, None))
+    return np.array([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
+
+
+@pytest.mark.parametrize('vision', VISION)
+def test_attractors_are_told_apart(vision):
+    """Six of them, what has not settled, and the paper: a difference of 2 is just seen."""
+    seen = [lab(colour, VISION[vision]) for colour in (*HUES[:6], UNSETTLED, '#ffffff')]
+    assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)) > 12.0
+
+
+def test_an_attractor_has_one_colour_in_all_pictures():
+    """By its number, which is that of the store; explorer and basin node begin with it, too."""
+    parameters = Parameters(alpha=0.5)
+    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 100, 1), hold=2000)
+    attractors = catalogue.attractors
+    assert [each.label for each in attractors] == list(range(len(attractors))) != [0]
+    colours = colours_of(range(len(attractors)))
+    assert colours_of(follow((), points_of(catalogue))[1]) == colours
+    labels = np.array([[each.label for each in attractors], [UNRESOLVED] * len(attractors)])
+    plane = Plane(phases=len(attractors), velocities=2)
+    basins = draw_basins(labels, plane, attractors, '').axes[0].images[0].get_array()
+    for each in attractors:
+        assert tuple(basins[0, each.label, :3]) == rgb(colours[each.label])
+        assert tuple(basins[1, each.label, :3]) == rgb(UNSETTLED)
+    for collection in draw_section(catalogue).axes[0].collections:
+        label = int(collection.get_label().split()[0])
+        assert np.allclose(collection.get_facecolor()[0, :3] * 255.0, rgb(colours[label]))
+
+
+def test_rerun_takes_the_same_colours():
+    """Red first, and opaque unless something else is said."""
+    assert rgba('#0072b2') == 0x0072B2FF and rgba('#0072b2', 0x80) == 0x0072B280
