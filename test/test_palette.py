@@ -7,8 +7,8 @@ import pytest
 
 from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.colours import follow, points_of
 from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.matching import follow, points_of
 from gear_rattle_ros.offline.pictures import draw_basins, draw_section
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.palette import colours_of, HUES, rgb, rgba, UNSETTLED

@@ -14,7 +14,7 @@ from .catalogues import Known
 from .computing import Picture
 from .view import CAP, LIFETIMES, SPAN
 from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..offline.colours import follow, points_of, Trace
+from ..offline.matching import follow, points_of, Trace
 from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb, UNSETTLED
 
 NAMES: Final = {

@@ -31,8 +31,8 @@ from ..messages import (
     stamp_from_nanoseconds,
 )
 from ..offline.catalogue import Attractor, OTHERS
-from ..offline.colours import follow, points_of, Trace
 from ..offline.grid import Plane
+from ..offline.matching import follow, points_of, Trace
 from ..offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
 from ..offline.search import find_attractors
 from ..palette import colours_of, painted

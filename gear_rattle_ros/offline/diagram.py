@@ -23,6 +23,8 @@ SWEEPS: Final = ('starts', 'up', 'down')
 KINDS: Final = tuple(kind.value for kind in Kind)
 # Longest name.
 KEY: Final = '<U48'
+# Impacts of each attractor that are kept, to know it again at the next alpha.
+POINTS: Final = 64
 STATE: Final = ('phase', 'displacement', 'velocity')
 
 
@@ -153,11 +155,16 @@ def layout_of(diagram: Diagram) -> Layout:
          Axis('slot', np.arange(SLOTS), {'long_name': 'attractors at one alpha, largest first'}),
          Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), {
              'long_name': 'velocity before the impact, centre of the bin', **one}),
+         Axis('point', np.arange(POINTS), {'long_name': 'some impacts of an attractor'}),
+         Axis('coordinate', np.array(['wall', 'phase', 'velocity']), {
+             'long_name': 'wall (0 upper, 1 lower), phase [rad], velocity before the impact [1]'}),
          Axis('lane', np.arange(LANES), {'long_name': 'trajectory that is followed'}),
          Axis('state', np.array(STATE), {'long_name': 'phase [rad], displacement, velocity [1]'})),
         (Variable('count', (*slot, 'velocity'), '<u4', {
             'long_name': 'impacts counted', **one}),
          Variable('key', slot, KEY, {'long_name': 'name of the attractor, empty for none'}),
+         Variable('point', (*slot, 'point', 'coordinate'), '<f4', {
+             'long_name': 'some impacts, nan for fewer'}),
          Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
          Variable('kind', slot, '|i1', {
              'long_name': 'what it is: ' + ', '.join(
@@ -197,6 +204,7 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
     shape = (len(columns), SLOTS)
     values: dict[str, npt.NDArray[Any]] = {
         'count': np.zeros((*shape, diagram.window.bins), np.uint32), 'key': np.zeros(shape, KEY),
+        'point': np.full((*shape, POINTS, 3), math.nan, np.float32),
         'share': np.zeros(shape), 'kind': np.full(shape, -1, np.int8),
         'period_impacts': np.zeros(shape, np.int32), 'period_drive': np.zeros(shape, np.int32),
         'exponent': np.full(shape, math.nan), 'exponent_error': np.full(shape, math.nan),
@@ -209,6 +217,8 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             if k >= SLOTS:
                 continue
             values['key'][slot] = one.attractor.key
+            points = one.attractor.points(POINTS)[:POINTS]
+            values['point'][slot][:len(points)] = points
             values['kind'][slot] = KINDS.index(one.attractor.kind.value)
             values['exponent'][slot] = one.exponent
             values['exponent_error'][slot] = one.exponent_error

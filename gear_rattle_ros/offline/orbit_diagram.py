@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .catalogue import Kind
 from .cli import Figure, Run, run_tool
 from .columns import Branch, find_branches, Window
-from .diagram import describe, Diagram, layout_of, STATE, SWEEPS
+from .diagram import describe, Diagram, KINDS, layout_of, STATE, SWEEPS
 from .engine import run_tiles
 from .options import (
     add_alpha_window,
@@ -136,9 +137,10 @@ def write_attractors(store: Store) -> None:
         Complete.
 
     """
-    numbers = track(store.read_all('count'), store.read_all('kind'),
-                    store.read_all('period_impacts'), store.read_all('alpha'),
-                    store.read_all('velocity'))
+    kinds = store.read_all('kind')
+    numbers = track(store.read_all('key'), store.read_all('point'),
+                    kinds == KINDS.index(Kind.CHAOTIC.value),
+                    (kinds >= 0) & (kinds != KINDS.index(Kind.UNSETTLED.value)))
     store.write_table({
         'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), {
             'long_name': 'number of the attractor, matched from alpha to alpha; -1 none'})})

@@ -23,8 +23,8 @@ from gear_rattle_ros.nodes.viewer_basin import BasinInput
 from gear_rattle_ros.nodes.viewer_recent import Recent
 from gear_rattle_ros.nodes.viewer_scene import Scene
 from gear_rattle_ros.nodes.viewer_sinks import file_recording
-from gear_rattle_ros.offline.colours import follow, points_of
 from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.matching import follow, points_of
 from gear_rattle_ros.offline.progressive import Basins, glance, refine
 from gear_rattle_ros.palette import AMBER, BLUE, ORANGE, PURPLE, rgb, SKY
 

@@ -1,6 +1,7 @@
-"""Colours of attractors that stay while a parameter moves: matched from value to value."""
+"""Attractors matched from one value of a parameter to the next, so that each keeps its number."""
 
 import dataclasses
+import itertools
 import math
 from typing import Final
 
@@ -21,12 +22,12 @@ FloatArray = npt.NDArray[np.float64]
 @dataclasses.dataclass(frozen=True)
 class Trace:
     """
-    An attractor that has a colour.
+    An attractor that has a number.
 
     Attributes
     ----------
     hue : int
-        Number of its colour, from 0 on.
+        Its number, from 0 on, which is that of its colour.
     points : ndarray of float, shape (n, 3)
         Wall (0 upper, 1 lower), phase [rad] and velocity [1] of its impacts.
     is_chaotic : bool
@@ -82,9 +83,9 @@ def distance(first: FloatArray, second: FloatArray) -> float:
 
 
 def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
-           is_complete: bool = True) -> tuple[tuple[Trace, ...], tuple[int, ...]]:
+           is_complete: bool = True, fresh: int = 0) -> tuple[tuple[Trace, ...], tuple[int, ...]]:
     """
-    Give every attractor the colour of the one that it was at the parameters before.
+    Give every attractor the number of the one that it was at the parameters before.
 
     Parameters
     ----------
@@ -93,13 +94,15 @@ def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
     found : list of tuple
         Attractors now, as `points_of` lists them.
     is_complete : bool
-        Whether the search has looked for chaotic attractors; if not, their colours are kept.
+        Whether the search has looked for chaotic attractors; if not, their numbers are kept.
+    fresh : int
+        The first number that a new attractor may have.
 
     Returns
     -------
     tuple
-        What is known from now on, and the number of the colour of every attractor. The nearest
-        pairs are matched first; the colour of one that has vanished is free for the next.
+        What is known from now on, and the number of every attractor. The nearest pairs are matched
+        first; the number of one that has vanished is free for the next.
 
     """
     pairs = sorted(
@@ -116,8 +119,7 @@ def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
     taken = {*hues.values(), *(trace.hue for trace in kept)}
     for place in range(len(found)):
         if place not in hues:
-            hues[place] = next(hue for hue in range(len(found) + len(known) + 1)
-                               if hue not in taken)
+            hues[place] = next(hue for hue in itertools.count(fresh) if hue not in taken)
             taken.add(hues[place])
     traces = tuple(Trace(hues[place], points, is_chaotic)
                    for place, (points, is_chaotic) in enumerate(found))
