@@ -257,22 +257,7 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
 
 def parts_of(store: Store, parameters: Parameters, plane: Plane
              ) -> Iterator[tuple[RecordArray, RecordArray]]:
-    """
-    Read what became of the initial conditions of a grid, tile by tile.
-
-    Parameters
-    ----------
-    store : Store
-        A finished grid.
-    parameters, plane : Parameters, Plane
-        Its model and its cells.
-
-    Yields
-    ------
-    tuple of ndarray
-        Initial conditions (START) and what became of them (RESULT, as far as it is stored).
-
-    """
+    """Read the initial conditions of a grid and what is stored of their RESULT, tile by tile."""
     for tile, place in enumerate(store.tiles):
         starts = plane.starts(parameters, place['velocity'], place['phase'])
         results = np.zeros(len(starts), RESULT)
@@ -284,27 +269,10 @@ def parts_of(store: Store, parameters: Parameters, plane: Plane
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int
           ) -> tuple[IntArray, IntArray, Merged]:
     """
-    Count lifetimes, and follow each trajectory that many initial conditions share once.
+    Count lifetimes up to the cap and what was given up there, and gather what is shared.
 
-    Parameters
-    ----------
-    parts : iterable of tuple
-        Initial conditions (START) and what became of them (RESULT).
-    table : Table
-        Known attractors.
-    cap : int
-        Impacts after which initial conditions were given up.
-
-    Returns
-    -------
-    counts : ndarray of int, shape (2, cap + 1)
-        Those that have escaped by their lifetime [impacts]: the independent ones, then those from
-        which the mass sticks.
-    censored : ndarray of int, shape (2,)
-        Those that were given up.
-    merged : Merged
-        Those from which the mass sticks.
-
+    The first row of both counts is of those that are independent, the second of those from which
+    the mass sticks; each trajectory that these share is followed once.
     """
     counts, censored = np.zeros((2, cap + 1), np.int64), np.zeros(2, np.int64)
     rows: dict[tuple[float, int], list[int]] = {}
