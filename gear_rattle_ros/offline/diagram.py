@@ -155,7 +155,7 @@ def layout_of(diagram: Diagram) -> Layout:
          Axis('slot', np.arange(SLOTS), {'long_name': 'attractors at one alpha, largest first'}),
          Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), {
              'long_name': 'velocity before the impact, centre of the bin', **one}),
-         Axis('point', np.arange(POINTS), {'long_name': 'some impacts of an attractor'}),
+         Axis('sample', np.arange(POINTS), {'long_name': 'some impacts of an attractor'}),
          Axis('coordinate', np.array(['wall', 'phase', 'velocity']), {
              'long_name': 'wall (0 upper, 1 lower), phase [rad], velocity before the impact [1]'}),
          Axis('lane', np.arange(LANES), {'long_name': 'trajectory that is followed'}),
@@ -163,7 +163,7 @@ def layout_of(diagram: Diagram) -> Layout:
         (Variable('count', (*slot, 'velocity'), '<u4', {
             'long_name': 'impacts counted', **one}),
          Variable('key', slot, KEY, {'long_name': 'name of the attractor, empty for none'}),
-         Variable('point', (*slot, 'point', 'coordinate'), '<f4', {
+         Variable('point', (*slot, 'sample', 'coordinate'), '<f4', {
              'long_name': 'some impacts, nan for fewer'}),
          Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
          Variable('kind', slot, '|i1', {
