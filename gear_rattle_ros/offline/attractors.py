@@ -14,7 +14,7 @@ from .catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
 from .grid import Plane
 from .layout import Layout
 from .listing import listed
-from .search import CONSERVES, conserves_areas, find_attractors, STARTS
+from .search import find_attractors, STARTS
 from .store import Store
 from .store_making import make_store
 from ..core.model import Parameters
@@ -174,8 +174,6 @@ def main(arguments: list[str] | None = None) -> int:
             tolerance=given.tolerance, hold=given.hold, threads=run.threads, cluster=run.cluster)
         write_attractors(store, catalogue)
         store.mark(0)
-        if conserves_areas(parameters):
-            print(CONSERVES)
         print(listed(catalogue))
 
         def draw() -> cli.Figure:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from .catalogue import Attractor, Catalogue, Kind, OTHERS
+from .search import CONSERVES, conserves_areas
 from ..core.words import counted, in_columns
 
 
@@ -20,9 +21,11 @@ def listed(catalogue: Catalogue, cells: Mapping[int, int] | None = None) -> str:
     Returns
     -------
     str
-        A line for each below the headings.
+        A line for each below the headings; one line where areas are kept.
 
     """
+    if conserves_areas(catalogue.parameters):
+        return CONSERVES
     headings = [' label', 'key', 'kind', ' random initial conditions [%]', 'period or exponents']
     attractors = list(catalogue.attractors)
     attractors += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()

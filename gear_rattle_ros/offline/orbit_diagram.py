@@ -32,7 +32,7 @@ from ..core.closed_orbits import Orbit
 from ..core.lanes import START
 from ..core.lanes_step import LANES
 from ..core.raster import BLOCKS
-from ..core.words import in_columns
+from ..core.words import counted, in_columns
 
 
 def compute(diagram: Diagram, run: Run) -> Store:
@@ -155,7 +155,15 @@ def listed(store: Store) -> str:
         seen = alphas[np.unique(places)]
         rows.append([str(label), f'{len(seen):,}', f'{seen[0]:.6f}', f'{seen[-1]:.6f}',
                      str(keys[numbers == label][np.argmin(places)])])
-    return in_columns([' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows)
+    lines = [in_columns(
+        [' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows)]
+    unsettled = np.where(store.read_all('kind') == KINDS.index(Kind.UNSETTLED.value),
+                         store.read_all('share'), 0.0).sum(axis=2).max(axis=0)
+    if np.any(unsettled):
+        lines.append(f'unsettled after {counted(store.attributes["hold"], "impact")}: at '
+                     f'{np.count_nonzero(unsettled):,} of {counted(len(alphas), "alpha")}, at most '
+                     f'{np.max(unsettled):.1%} of the trajectories')
+    return '\n'.join(lines)
 
 
 def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> npt.NDArray[np.void]:
