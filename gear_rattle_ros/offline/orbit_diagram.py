@@ -161,8 +161,8 @@ def listed(store: Store) -> str:
                          store.read_all('share'), 0.0).sum(axis=2).max(axis=0)
     if np.any(unsettled):
         lines.append(f'unsettled after {counted(store.attributes["hold"], "impact")}: at '
-                     f'{np.count_nonzero(unsettled):,} of {counted(len(alphas), "alpha")}, at most '
-                     f'{np.max(unsettled):.1%} of the trajectories')
+                     f'{np.count_nonzero(unsettled):,} of {counted(len(alphas), "alpha")}, '
+                     f'at most {np.max(unsettled):.1%} of the trajectories')
     return '\n'.join(lines)
 
 
