@@ -122,7 +122,7 @@ def test_picture_has_its_size_and_every_part_is_drawn(picture: np.ndarray) -> No
     assert count(section, low) > 100 and count(section, high) > 100
     velocity, exponents, motion = right[50:230], right[470:710], right[810:960]
     assert count(velocity, low) > 300 and count(velocity, high) > 300
-    for colour in (summary.BLUE, summary.GREEN, summary.VIOLET, summary.ORANGE, summary.GREY):
+    for colour in (summary.BLUE, summary.GREEN, summary.PURPLE, summary.ORANGE, summary.GREY):
         assert count(exponents, colour) > 50
     assert count(motion, summary.BLUE) > 500 and count(motion, summary.ORANGE) > 1000
     assert count(right[290:420], summary.ORANGE) > 500
