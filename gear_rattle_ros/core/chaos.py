@@ -147,12 +147,12 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
         return []
     speed = ROOM * float(np.max(np.abs(rows['velocity'])))
     edge = BOXES // effort.coarser
-    hit = np.zeros((len(rows), 2, edge, edge), np.bool_)
+    hit: npt.NDArray[np.bool_] = np.zeros((len(rows), 2, edge, edge), np.bool_)
     for row, boxes in zip(rows, hit, strict=True):
         mark_boxes(row, speed, boxes.reshape(-1), edge)
     while edge > COARSEST and length < FILLED * np.count_nonzero(hit) / len(rows):
         edge //= 2
-        hit = hit.reshape(len(rows), 2, edge, 2, edge, 2).any(axis=(3, 5))
+        hit = np.asarray(hit.reshape(len(rows), 2, edge, 2, edge, 2).any(axis=(3, 5)))
     # What settles on an orbit recurs at the end, whether that orbit is known or not.
     _, look, longest = effort.stages[-1]
     recurs = np.array([shortest_recurrence(row[-look:], longest, tolerance) > 0 for row in rows])
@@ -218,7 +218,8 @@ def shortest_orbit(parameters: Parameters, rows: RecordArray) -> str:
             seen = [(rows[row, first]['phase'], rows[row, first]['velocity'])]
             if orbit is not None and orbit.impacts == q:
                 seen += orbit.points.tolist()
-                if visits(rows, *orbit.points[0], ALIKE) > VISITED * rows.size:
+                phase, velocity = orbit.points[0]
+                if visits(rows, phase, velocity, ALIKE) > VISITED * rows.size:
                     found.append(orbit.canonical())
             here = rows[near[:, 0], near[:, 1]]
             for phase, velocity in seen:
