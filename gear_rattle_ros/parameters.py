@@ -119,8 +119,8 @@ LYAPUNOV: Final = (
                   read_only=True),
 )
 TRANSIENTS: Final = (
-    Specification('tolerance', 1e-3, 'largest distance from an orbit in phase, velocity and '
-                  'flight time', low=1e-9, high=0.1, read_only=True),
+    Specification('tolerance', 1e-3, 'largest distance from an orbit in phase and velocity',
+                  low=1e-9, high=0.1, read_only=True),
 )
 BASIN: Final = (
     Specification('size', 800, 'edge of the finest picture; the first has 50, each next one twice '

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from .compiled import kernel
-from .elementary import length, logarithm
+from .elementary import length, logarithm, sine_cosine
 from .flight import elapsed
 from .model import EventArray, EventKind
 from .stream import StreamGuard
@@ -24,6 +24,14 @@ ESTIMATE: Final = np.dtype(
         ('basis', np.float64, 4),
         ('impacts', np.int64),
         ('sticks', np.int64),
+        ('ringed', np.int64),
+        ('retunes', np.int64),
+        ('retunes_before', np.int64),
+        ('carried', np.float64),
+        ('origin', np.float64),
+        ('impulse', np.float64, 2),
+        ('exact_impulse', np.float64, 2),
+        ('duration', np.float64, 2),
         ('sum_1', np.float64, 2),
         ('sum_2', np.float64, 2),
         ('exact', np.float64, 2),
@@ -53,6 +61,8 @@ class LyapunovReport:
         Number of the last impact seen.
     impacts : int
         Impacts averaged over.
+    sticks : int
+        Impacts of these at which the mass stuck.
     lambda_1, lambda_2 : float
         Exponents per impact [1]; nan without impacts, -inf where the mass has stuck.
     lambda_1_error, lambda_2_error : float
@@ -60,17 +70,27 @@ class LyapunovReport:
     exact_sum : float
         ``2 ln r - beta <D>`` [1], what ``lambda_1 + lambda_2`` must be (physics, eq. (11)).
     lambda_1_finite : float
-        Largest exponent over the last `window` impacts [1]; nan until there are so many.
+        Largest exponent over the last `window` impacts [1], also across retunes, at which the
+        tangent is continuous; nan until there are so many.
     window : int
         Impacts in it.
+    finite_retunes : int
+        Retunes among these impacts.
     mean_flight_time : float
         Time per impact [1]; divide by it for exponents per unit of tau.
+    impulse_balance : float
+        Mean force of the walls since the last reset [1]: changes of velocity at impacts and the
+        force on the mass while it sticks. It tends to gamma, off by a bounded amount over the
+        time.
+    exact_impulse_balance : float
+        What it must be, from the states at both ends [1].
 
     """
 
     epoch: int
     index: int
     impacts: int
+    sticks: int
     lambda_1: float
     lambda_2: float
     lambda_1_error: float
@@ -78,7 +98,10 @@ class LyapunovReport:
     exact_sum: float
     lambda_1_finite: float
     window: int
+    finite_retunes: int
     mean_flight_time: float
+    impulse_balance: float
+    exact_impulse_balance: float
 
     @property
     def exponent_sum(self) -> float:
@@ -108,16 +131,42 @@ def add(total, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def momentum(event, at):  # type: ignore[no-untyped-def]
+    """Return what gamma and the walls alone change, with the parameters of another event."""
+    sine, cosine = sine_cosine(event.phase)
+    return (event.velocity_after + at.beta * event.displacement
+            - at.alpha * (cosine + at.beta * sine))
+
+
+@kernel
+def has_stuck(before, event):  # type: ignore[no-untyped-def]
+    """Tell whether the mass has been at rest on a wall from one event to the next."""
+    if event.kind == RELEASE or before.kind == STICK:
+        return True
+    on_wall = before.displacement == 0.0 or before.displacement == -1.0
+    return (before.kind != RELEASE and on_wall and before.velocity_after == 0.0
+            and event.velocity == 0.0 and event.displacement == before.displacement)
+
+
+@kernel
+def weigh(estimate, before, event, d):  # type: ignore[no-untyped-def]
+    """Add what the walls give to the mass from one event to the next, and what they must give."""
+    add(estimate.duration, d)
+    add(estimate.exact_impulse, before.gamma * d)
+    if event.kind <= STICK:
+        add(estimate.impulse, event.velocity - event.velocity_after)
+    elif has_stuck(before, event):
+        # The wall has held the mass against all other forces.
+        add(estimate.impulse,
+            before.gamma * d - (momentum(event, before) - momentum(before, before)))
+    if event.kind == RETUNE:
+        add(estimate.exact_impulse, estimate.origin - momentum(event, before))
+        estimate.origin = momentum(event, event)
+
+
+@kernel
 def begin(estimate):  # type: ignore[no-untyped-def]
-    """
-    Start a new average, keeping the tangent vectors.
-
-    Parameters
-    ----------
-    estimate : ESTIMATE record
-        Changed in place.
-
-    """
+    """Start a new average, keeping the tangent vectors and all that crosses retunes."""
     estimate.impacts = 0
     estimate.sticks = 0
     estimate.sum_1[:] = 0.0
@@ -131,6 +180,21 @@ def begin(estimate):  # type: ignore[no-untyped-def]
     estimate.in_block = 0
     estimate.block_1[:] = 0.0
     estimate.block_2[:] = 0.0
+
+
+@kernel
+def restart(estimate, event):  # type: ignore[no-untyped-def]
+    """Start anew at an event: of what was before nothing is known, or it does not matter."""
+    begin(estimate)
+    set_identity(estimate.basis)
+    estimate.ringed = 0
+    estimate.retunes = 0
+    estimate.retunes_before = 0
+    estimate.carried = 0.0
+    estimate.impulse[:] = 0.0
+    estimate.exact_impulse[:] = 0.0
+    estimate.duration[:] = 0.0
+    estimate.origin = momentum(event, event)
 
 
 @kernel
@@ -181,7 +245,8 @@ def orthonormalise(basis):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def count_impact(estimate, ring, growth_1, growth_2, exact):  # type: ignore[no-untyped-def]
+def count_impact(  # type: ignore[no-untyped-def]
+        estimate, ring, marks, growth_1, growth_2, exact):
     """
     Enter the growth of both tangent vectors over one impact.
 
@@ -189,8 +254,8 @@ def count_impact(estimate, ring, growth_1, growth_2, exact):  # type: ignore[no-
     ----------
     estimate : ESTIMATE record
         Changed in place.
-    ring : ndarray of float, shape (window,)
-        The last growth rates; changed in place.
+    ring, marks : ndarray of float and int, shape (window,)
+        The last growth rates, and the retunes before the flight of each; changed in place.
     growth_1, growth_2 : float
         Logarithms of the diagonal of R [1].
     exact : float
@@ -198,7 +263,12 @@ def count_impact(estimate, ring, growth_1, growth_2, exact):  # type: ignore[no-
 
     """
     e = estimate
-    ring[e.impacts % len(ring)] = growth_1
+    place = e.ringed % len(ring)
+    ring[place] = e.carried + growth_1
+    marks[place] = e.retunes_before
+    e.carried = 0.0
+    e.retunes_before = e.retunes
+    e.ringed += 1
     e.impacts += 1
     add(e.sum_1, growth_1)
     add(e.sum_2, growth_2)
@@ -224,7 +294,7 @@ def count_impact(estimate, ring, growth_1, growth_2, exact):  # type: ignore[no-
 
 
 @kernel
-def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
+def follow(estimate, ring, marks, last, events):  # type: ignore[no-untyped-def]
     """
     Carry the tangent vectors through a stretch of events without a hole.
 
@@ -232,8 +302,8 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
     ----------
     estimate : ESTIMATE record
         Changed in place.
-    ring : ndarray of float, shape (window,)
-        The last growth rates; changed in place.
+    ring, marks : ndarray of float and int, shape (window,)
+        The last growth rates, and the retunes before the flight of each; changed in place.
     last : ndarray of EVENT, shape (1,)
         The event before; changed in place to the last of these.
     events : ndarray of EVENT, shape (n,)
@@ -249,12 +319,13 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
         event = events[i]
         cycles = np.int64(np.int32(np.uint32(event.cycle) - np.uint32(p.cycle)))
         d = elapsed(cycles, p.phase, event.phase)
+        weigh(e, p, event, d)
         if event.kind == RESET:
-            begin(e)
-            set_identity(basis)
+            restart(e, event)
         elif event.kind == RELEASE:
             # No flight, and nothing is remembered of what was before it.
             e.pending_time += d
+            e.carried = 0.0
             set_identity(basis)
         else:
             integral, decay = flight_matrix(d, p.beta)
@@ -265,11 +336,13 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
             e.pending_time += d
             e.pending_exact -= p.beta * d
             if event.kind == RETUNE:
-                orthonormalise(basis)
+                first, _ = orthonormalise(basis)
+                e.carried += logarithm(first)
+                e.retunes += 1
                 begin(e)
             elif event.kind == STICK:
                 e.sticks += 1
-                count_impact(e, ring, -math.inf, -math.inf, -math.inf)
+                count_impact(e, ring, marks, -math.inf, -math.inf, -math.inf)
                 set_identity(basis)
             else:
                 s11, s21, s22 = impact_matrix(
@@ -284,7 +357,7 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
                     restitution = p.restitution
                     contraction = 2.0 * logarithm(restitution)
                 count_impact(
-                    e, ring, logarithm(first), logarithm(second), log_determinant(
+                    e, ring, marks, logarithm(first), logarithm(second), log_determinant(
                         event.velocity, event.velocity_after, restitution, contraction))
     if len(events):
         last[0] = events[len(events) - 1]
@@ -295,7 +368,8 @@ class RunningLyapunov:
     Lyapunov exponents per impact of a stream of events, by QR re-orthonormalisation.
 
     Takes batches of any size; the result does not depend on how the stream was cut, to the bit.
-    A new average starts at every retune and reset and after every hole.
+    A new average starts at every retune and reset and after every hole; the finite-time exponent
+    and the impulse balance cross retunes.
 
     Parameters
     ----------
@@ -324,6 +398,7 @@ class RunningLyapunov:
         self.guard = StreamGuard()
         self._estimate = np.zeros(1, ESTIMATE)
         self._ring = np.zeros(window)
+        self._marks = np.zeros(window, np.int64)
         self._last: EventArray | None = None
 
     def update(self, events: EventArray) -> None:
@@ -340,11 +415,10 @@ class RunningLyapunov:
         for piece in self.guard.split(events):
             stretch = piece.events
             if not piece.follows or self._last is None:
-                begin(estimate)
-                set_identity(estimate['basis'])
                 self._last = stretch[:1].copy()
                 stretch = stretch[1:]
-            follow(estimate, self._ring, self._last, stretch)
+                restart(estimate, self._last[0])
+            follow(estimate, self._ring, self._marks, self._last, stretch)
 
     def report(self) -> LyapunovReport:
         """
@@ -358,21 +432,31 @@ class RunningLyapunov:
         """
         e = self._estimate[0]
         n = int(e['impacts'])
-        window = len(self._ring)
-        recent = np.roll(self._ring, -(n % window))
+        window, ringed = len(self._ring), int(e['ringed'])
+        recent = np.roll(self._ring, -(ringed % window))
+        is_full = ringed >= window
         last = self._last
+        time, impulse, exact = (
+            float(np.sum(e[name])) for name in ('duration', 'impulse', 'exact_impulse'))
+        if last is not None:
+            exact += float(e['origin'] - momentum(last[0], last[0]))
         return LyapunovReport(
             epoch=0 if last is None else int(last['epoch'][0]),
             index=0 if last is None else int(last['index'][0]),
             impacts=n,
+            sticks=int(e['sticks']),
             lambda_1=self._mean('sum_1'),
             lambda_2=self._mean('sum_2'),
             lambda_1_error=self._error('block_1'),
             lambda_2_error=self._error('block_2'),
             exact_sum=self._mean('exact'),
-            lambda_1_finite=float(np.sum(recent)) / window if n >= window else math.nan,
+            lambda_1_finite=float(np.sum(recent)) / window if is_full else math.nan,
             window=window,
+            finite_retunes=int(e['retunes_before'] - self._marks[ringed % window])
+            if is_full else int(e['retunes_before']),
             mean_flight_time=float(np.sum(e['time'])) / n if n else math.nan,
+            impulse_balance=impulse / time if time > 0.0 else math.nan,
+            exact_impulse_balance=exact / time if time > 0.0 else math.nan,
         )
 
     def _mean(self, name: str) -> float:

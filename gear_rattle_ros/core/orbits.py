@@ -8,29 +8,38 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from .closed_orbits import close_orbit, Orbit
 from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
-from .flight import elapsed, is_pressed, LOWER, release_delay, UPPER
-from .model import EventArray, EventKind, Wall
+from .flight import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
+from .lyapunov import RunningLyapunov
+from .model import EventArray, EventKind, Parameters
+from .section import distance, distances, turn
 from .stream import StreamGuard
+from .words import counted
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
+# Recurrences of so many impacts are counted at every impact, of so many looked for now and then.
 LONGEST_ORBIT: Final = 64
+LONGEST_SOUGHT: Final = 1024
 # Twelve recurrences happen by chance near unstable orbits; so many more must follow.
 HOLD: Final = 200
 # A candidate that is still approaching is looked at again after so many impacts, or an eighth of
-# those for which it has recurred ...
+# those for which it has recurred.
 PATIENCE: Final = 64
-# ... over so many of the last impacts.
-LOOK: Final = 1024
-# Impacts kept: a lifetime is counted back so far from where an orbit is recognised.
+# Impacts kept: a lifetime is counted back so far from where an orbit is recognised, and an orbit
+# that sticks may have half as many.
 HISTORY: Final = 65536
 # So much of the tolerance may be left of the approach.
 APPROACHED: Final = 0.25
-# Recurrences smaller than this are rounding [1].
-ROUNDING_FLOOR: Final = 1e-11
+# Recurrences so much smaller than the tolerance need no orbit that Newton's method finds.
+RECURRED: Final = 1e-6
+# The mean orbit and the spread about it are those of so many of the last impacts.
+MEANT: Final = HOLD // 2
+# A transient is reported anew after so many impacts, and whenever they have doubled.
+FIRST_WORD: Final = 1000
 
-NOTHING, CANDIDATE, LEFT, BEGUN, RESTED = range(5)
+NOTHING, CANDIDATE, LEFT, BEGUN, RESTED, JUMPED, GROWN = range(7)
 
 SECTION: Final = np.dtype(
     [
@@ -39,6 +48,7 @@ SECTION: Final = np.dtype(
         ('velocity', np.float64),
         ('flight_time', np.float64),
         ('sticks', np.int64),
+        ('kicked', np.int64),
     ],
     align=True,
 )
@@ -47,11 +57,24 @@ WATCH: Final = np.dtype(
         ('impacts', np.int64),
         ('time', np.float64),
         ('locked', np.int64),
+        ('base', np.int64),
         ('next_look', np.int64),
+        ('next_word', np.int64),
+        ('quiet', np.int64),
+        ('resting', np.int64),
+        ('retunes', np.int64),
+        ('retune_index', np.int64),
+        ('since_retune', np.int64),
+        ('jumped', np.int64),
+        ('kicked', np.int64),
+        ('stick_at', np.int64, 2),
+        ('stick_lag', np.int64, 2),
         ('recurrences', np.int64, LONGEST_ORBIT + 1),
     ],
     align=True,
 )
+
+SectionArray = npt.NDArray[np.void]
 
 
 class Regime(enum.Enum):
@@ -60,30 +83,6 @@ class Regime(enum.Enum):
     TRANSIENT = 'transient'
     ORBIT = 'orbit'
     REST = 'rest'
-
-
-@dataclasses.dataclass(frozen=True)
-class OrbitPoint:
-    """
-    One impact of a periodic orbit.
-
-    Attributes
-    ----------
-    wall : Wall
-        Which.
-    phase : float
-        Drive phase [rad].
-    velocity : float
-        Just before the impact [1].
-    flight_time : float
-        Since the impact before [1].
-
-    """
-
-    wall: Wall
-    phase: float
-    velocity: float
-    flight_time: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,23 +95,37 @@ class TransientReport:
     regime : Regime
         Transient, on a periodic orbit, or at rest on a wall for ever.
     epoch : int
-        Epoch of the stream.
+        Epoch of the stream at `index`.
     index : int
         Number of the impact at which this was found.
     start : int
-        Number of the impact after which this transient began: at a retune, reset or kick, at
-        the beginning of the stream, or after a hole.
+        Number of the impact after which this transient began: at a reset, at the beginning of
+        the stream or behind a hole; at the last retune by more than the tolerance, if it was a
+        transient already; where an orbit was left, and at the last retune if that took it off.
+    impacts : int
+        Impacts of the transient that were seen; 0 where it is over.
+    retunes : int
+        Retunes since `start`.
+    kicked : bool
+        Whether noise has kicked a transient.
     lifetime : int or None
-        Impacts from there to the first from which the trajectory stays within the tolerance of
-        its orbit, or to the last at rest; None while it is transient. At least 2 for an orbit:
-        the first impact has no flight before it to compare.
-    period_impacts, period_drive : int
-        Period of the orbit in impacts and in drive periods; 0 off an orbit.
-    multiplier : float
-        Modulus of the orbit's leading multiplier per period, from the rate of approach [1]; 0
-        where the orbit sticks, nan where the approach was too fast to see.
-    points : tuple of OrbitPoint
-        The orbit, beginning with the least (wall, phase).
+        Impacts from `start` to the first from which the trajectory stays within the tolerance of
+        its orbit, flight times too, or to the last at rest; None while it is transient. At least
+        2 for an orbit at the beginning of a stream: the first impact has no flight before it.
+    orbit : Orbit or None
+        The orbit, beginning with the least (wall, phase), at the parameters of `epoch`: refined
+        by Newton's method where that finds it, else the mean of the last impacts, whose
+        multipliers are not known; multipliers are 0 where it sticks.
+    spread_largest, spread_rms : float
+        Distance of the last impacts from their mean orbit, where noise kicks them [1]; else nan.
+    previous : str
+        Name of the orbit on which the trajectory was before, if it was on another and came here
+        by noise, or by retunes no larger than the tolerance.
+    residence : int
+        Impacts from the first on that orbit to the first on this one.
+    exponent, exponent_error : float
+        Of a transient: largest exponent per impact since `start` or the last retune, with its
+        standard error [1]; where that is not known the finite-time exponent, without an error.
 
     """
 
@@ -120,11 +133,37 @@ class TransientReport:
     epoch: int = 0
     index: int = 0
     start: int = 0
+    impacts: int = 0
+    retunes: int = 0
+    kicked: bool = False
     lifetime: int | None = None
-    period_impacts: int = 0
-    period_drive: int = 0
-    multiplier: float = math.nan
-    points: tuple[OrbitPoint, ...] = ()
+    orbit: Orbit | None = None
+    spread_largest: float = math.nan
+    spread_rms: float = math.nan
+    previous: str = ''
+    residence: int = 0
+    exponent: float = math.nan
+    exponent_error: float = math.nan
+
+    @property
+    def period_impacts(self) -> int:
+        """Period of the orbit in impacts; 0 off an orbit."""
+        return 0 if self.orbit is None else self.orbit.impacts
+
+    @property
+    def period_drive(self) -> int:
+        """Period of the orbit in drive periods; 0 off an orbit."""
+        return 0 if self.orbit is None else self.orbit.drive_periods
+
+    @property
+    def multiplier(self) -> float:
+        """Modulus of the orbit's leading multiplier [1]; nan where it is not known."""
+        return math.nan if self.orbit is None else float(abs(self.orbit.multipliers[0]))
+
+    @property
+    def key(self) -> str:
+        """Name of the orbit, the same in every tool; empty off an orbit."""
+        return '' if self.orbit is None else self.orbit.key
 
     def describe(self) -> str:
         """
@@ -136,56 +175,42 @@ class TransientReport:
             One line.
 
         """
-        if self.regime is Regime.ORBIT:
-            impacts = 'impact' if self.period_impacts == 1 else 'impacts'
-            periods = 'period' if self.period_drive == 1 else 'periods'
-            return (f'orbit of {self.period_impacts} {impacts} in {self.period_drive} drive '
-                    f'{periods}, after {self.lifetime} impacts')
+        after = f'after {counted(self.lifetime or 0, "impact")}'
         if self.regime is Regime.REST:
-            return f'at rest on a wall for ever, after {self.lifetime} impacts'
-        return f'transient since impact {self.start}'
+            return f'at rest on a wall for ever, {after}'
+        if self.regime is Regime.TRANSIENT:
+            if self.impacts < FIRST_WORD:
+                return f'transient since impact {self.start}'
+            through = f' and {counted(self.retunes, "retune")}' if self.retunes else ''
+            noise = 'noise beyond the tolerance, ' if self.kicked else ''
+            return (f'no orbit in {self.impacts:,} impacts{through} ({noise}chaos or a long '
+                    f'transient){self._exponent_in_words()}')
+        words = (f'orbit of {counted(self.period_impacts, "impact")} in '
+                 f'{counted(self.period_drive, "drive period")}, {after}')
+        if self.retunes:
+            words += f', through {counted(self.retunes, "retune")}'
+        if self.orbit is not None and self.orbit.sticks != NO_WALL:
+            words += ', sticks in every period'
+        if not math.isnan(self.spread_rms):
+            words += (f', spread by noise {self.spread_rms:.1e} rms, '
+                      f'{self.spread_largest:.1e} at the most')
+        if self.previous:
+            words += f', from {self.previous} after {self.residence:,} impacts'
+        return words
 
-
-@kernel
-def distance(a, b):  # type: ignore[no-untyped-def]
-    """
-    Compare two impacts.
-
-    Parameters
-    ----------
-    a, b : SECTION record
-        The impacts.
-
-    Returns
-    -------
-    float
-        Largest difference in phase (around the circle), velocity and flight time [1]; inf at
-        different walls.
-
-    """
-    if a.wall != b.wall:
-        return math.inf
-    turn = abs(a.phase - b.phase)
-    turn = min(turn, TWO_PI - turn)
-    return max(turn, max(abs(a.velocity - b.velocity), abs(a.flight_time - b.flight_time)))
+    def _exponent_in_words(self) -> str:
+        if math.isnan(self.exponent):
+            return ''
+        if math.isinf(self.exponent):
+            return ', largest exponent -inf: the mass has stuck and forgotten all before'
+        if math.isnan(self.exponent_error):
+            return f', finite-time exponent {self.exponent:+.3f}'
+        return f', largest exponent {self.exponent:+.4f} ± {self.exponent_error:.4f}'
 
 
 @kernel
 def rests_for_ever(event):  # type: ignore[no-untyped-def]
-    """
-    Tell whether the mass will stay where it is after an event.
-
-    Parameters
-    ----------
-    event : EVENT record
-        The event.
-
-    Returns
-    -------
-    bool
-        Whether it is at rest on a wall that it is never released from.
-
-    """
+    """Tell whether the mass is, after an event, at rest on a wall that it never leaves."""
     upper = event.displacement == 0.0
     if event.velocity_after != 0.0 or not (upper or event.displacement == -1.0):
         return False
@@ -197,24 +222,42 @@ def rests_for_ever(event):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def restart(watch):  # type: ignore[no-untyped-def]
-    """
-    Forget all impacts.
+def is_small_step(a, b, tolerance):  # type: ignore[no-untyped-def]
+    """Tell whether no parameter of two events differs by more than the tolerance."""
+    return (abs(a.alpha - b.alpha) <= tolerance and abs(a.beta - b.beta) <= tolerance
+            and abs(a.gamma - b.gamma) <= tolerance
+            and abs(a.restitution - b.restitution) <= tolerance)
 
-    Parameters
-    ----------
-    watch : WATCH record
-        Changed in place.
 
-    """
-    watch.impacts = 0
+@kernel
+def begin_transient(watch):  # type: ignore[no-untyped-def]
+    """Leave any orbit and count from here; what recurs goes on recurring."""
     watch.locked = 0
+    watch.resting = 0
     watch.next_look = 0
+    watch.next_word = FIRST_WORD
+    watch.quiet = 0
+    watch.retunes = 0
+
+
+@kernel
+def restart(watch):  # type: ignore[no-untyped-def]
+    """Forget all impacts."""
+    begin_transient(watch)
+    watch.impacts = 0
+    watch.time = 0.0
+    watch.retune_index = -1
+    watch.since_retune = 0
+    watch.jumped = 0
+    watch.kicked = 0
+    watch.stick_at[:] = -1
+    watch.stick_lag[:] = 0
     watch.recurrences[:] = 0
 
 
 @kernel
-def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-untyped-def]
+def watch_events(  # type: ignore[no-untyped-def]
+        watch, history, orbit, last, events, tolerance):
     """
     Look at events until something is to be said.
 
@@ -224,6 +267,8 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
         Changed in place.
     history : ndarray of SECTION, shape (HISTORY,)
         The last impacts; changed in place.
+    orbit : ndarray of SECTION, shape (q,)
+        The orbit that the trajectory is on, if it is on one, from impact `base` on.
     last : ndarray of EVENT, shape (1,)
         The event before; changed in place to the last one looked at.
     events : ndarray of EVENT, shape (n,)
@@ -234,8 +279,8 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
     Returns
     -------
     tuple of int
-        How many events were looked at, what is to be said (NOTHING, CANDIDATE, LEFT, BEGUN or
-        RESTED), and the period of a candidate.
+        How many events were looked at, what is to be said (NOTHING to GROWN), and the period of
+        a candidate, also of one that holds where an orbit is left.
 
     """
     w = watch
@@ -244,11 +289,27 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
         p = last[0]
         cycles = np.int64(np.int32(np.uint32(event.cycle) - np.uint32(p.cycle)))
         w.time += elapsed(cycles, p.phase, event.phase)
+        is_small = is_small_step(p, event, tolerance)
         last[0] = event
-        if event.kind == RETUNE or event.kind == RESET:
-            restart(w)
-            w.time = 0.0
+        if event.kind == RESET:
             return i + 1, BEGUN, 0
+        if event.kind == RETUNE:
+            w.retunes += 1
+            w.retune_index = event.index
+            w.since_retune = 0
+            w.jumped = 0 if is_small else 1
+            w.kicked = 0
+            if w.locked > 0:
+                # Looked at anew when the parameters have stayed for a while.
+                w.next_look = w.impacts + 2 * w.locked + HOLD
+            if rests_for_ever(event):
+                if w.resting == 0:
+                    return i + 1, RESTED, 0
+            elif w.resting == 1:
+                return i + 1, BEGUN, 0
+            elif w.locked == 0 and w.jumped:
+                return i + 1, JUMPED, 0
+            continue
         if event.kind > STICK:
             continue
         n = w.impacts
@@ -258,29 +319,73 @@ def watch_events(watch, history, last, events, tolerance):  # type: ignore[no-un
         here.velocity = event.velocity
         here.flight_time = w.time
         here.sticks = 1 if event.kind == STICK else 0
+        here.kicked = 0
+        if event.kind == IMPACT and event.velocity_after != -event.restitution * event.velocity:
+            here.kicked = w.kicked = 1
         w.time = 0.0
         w.impacts = n + 1
+        w.since_retune += 1
         # The flight to the first impact began anywhere: it recurs with nothing.
         longest = min(LONGEST_ORBIT, n - 1)
         found = 0
         for q in range(1, longest + 1):
-            if distance(here, history[(n - q) % HISTORY]) <= tolerance:
+            before = history[(n - q) % HISTORY]
+            if distance(here.velocity, here.phase, before.velocity, before.phase) <= tolerance:
                 w.recurrences[q] += 1
                 if found == 0 and w.recurrences[q] >= 2 * q + HOLD:
                     found = q
             else:
                 w.recurrences[q] = 0
-        if event.kind == STICK and rests_for_ever(event):
-            w.locked = 0
-            return i + 1, RESTED, 0
+        if event.kind == STICK:
+            if rests_for_ever(event):
+                return i + 1, RESTED, 0
+            # What follows a release depends on its wall and phase alone, however long it is.
+            lag = n - w.stick_at[here.wall]
+            if w.stick_at[here.wall] > 0 and 2 * lag < HISTORY:
+                before = history[(n - lag) % HISTORY]
+                if distance(here.velocity, here.phase, before.velocity, before.phase) > tolerance:
+                    lag = 0
+                elif lag == w.stick_lag[here.wall]:
+                    found = lag
+            w.stick_at[here.wall] = n
+            w.stick_lag[here.wall] = lag
         if w.locked > 0:
-            if w.recurrences[w.locked] == 0:
-                restart(w)
-                return i + 1, LEFT, 0
-        elif found > 0 and w.impacts >= w.next_look:
-            w.next_look = w.impacts + max(PATIENCE, w.recurrences[found] // 8)
+            # In a ramp the orbit moves, with noise each impact alone is off it.
+            before, point = history[(n - w.locked) % HISTORY], orbit[(n - w.base) % w.locked]
+            if (distance(here.velocity, here.phase, before.velocity, before.phase) > tolerance
+                    and distance(here.velocity, here.phase, point.velocity, point.phase)
+                    > tolerance):
+                return i + 1, LEFT, found
+            if w.next_look > 0 and n >= w.next_look:
+                w.next_look = n + w.since_retune
+                return i + 1, CANDIDATE, w.locked
+            continue
+        w.quiet += 1
+        if found > 0 and n >= w.next_look:
+            held = w.recurrences[found] if found <= LONGEST_ORBIT else 0
+            w.next_look = n + max(PATIENCE, held // 8)
             return i + 1, CANDIDATE, found
+        if w.quiet >= w.next_word and w.resting == 0:
+            w.next_word *= 2
+            return i + 1, GROWN, 0
     return len(events), NOTHING, 0
+
+
+@kernel
+def long_recurrence(history, impacts, tolerance):  # type: ignore[no-untyped-def]
+    """Find the smallest lag beyond `LONGEST_ORBIT` at which impacts have long recurred, or 0."""
+    kept = min(impacts - 1, HISTORY)
+    for q in range(LONGEST_ORBIT + 1, min(LONGEST_SOUGHT, (kept - HOLD) // 2) + 1):
+        k = 0
+        while k < q + HOLD:
+            here = history[(impacts - 1 - k) % HISTORY]
+            before = history[(impacts - 1 - k - q) % HISTORY]
+            if distance(here.velocity, here.phase, before.velocity, before.phase) > tolerance:
+                break
+            k += 1
+        if k == q + HOLD:
+            return q
+    return 0
 
 
 class TransientDetector:
@@ -289,11 +394,18 @@ class TransientDetector:
 
     Takes batches of any size; the result does not depend on how the stream was cut, to the bit.
 
-    An orbit of q impacts is recognised when every one of `HOLD` impacts, after two periods, lies
-    within the tolerance of the one q before, at the same wall, in phase, velocity and flight
-    time; when the flight times add up to whole drive periods, at least one (chatter's do not);
-    and when what is left of the approach, judged by its rate, is within a quarter of
-    the tolerance.
+    An orbit of q <= 64 impacts is recognised when every one of `HOLD` impacts, after two periods,
+    lies within the tolerance of the one q before, at the same wall, in phase and velocity; when
+    the flight times add up to whole drive periods, at least one (chatter's do not); and when
+    Newton's method finds a stable orbit within a quarter of the tolerance of the last period.
+    Where noise kicks the impacts, recurrence is enough. Longer orbits, of at most 1024 impacts,
+    are looked for whenever a transient is reported. An orbit that sticks is recognised, whatever
+    its number of impacts, when two rounds from stick to stick are the same.
+
+    An orbit is left when an impact is off it and does not recur. A retune does not end it, nor
+    does a ramp: it is reported once more when the parameters have stayed for a while. A transient
+    goes on through retunes by no more than the tolerance; a larger one begins a new transient. It
+    is reported again whenever its impacts have doubled, from `FIRST_WORD` on.
 
     Parameters
     ----------
@@ -321,16 +433,29 @@ class TransientDetector:
         self._history = np.zeros(HISTORY, SECTION)
         self._last: EventArray | None = None
         self._report = TransientReport(Regime.TRANSIENT)
+        self._running = RunningLyapunov()
+        # The orbit on which the trajectory was last: its impacts, name, and first impact there.
+        self._home: tuple[SectionArray, str, int] | None = None
+        self._orbit = np.zeros(1, SECTION)
 
     @property
     def report(self) -> TransientReport:
         """Return what the trajectory is doing now."""
-        return self._report
+        if self._report.regime is not Regime.TRANSIENT or self._last is None:
+            return self._report
+        now = self._running.report()
+        is_known = math.isfinite(now.lambda_1_error) or math.isinf(now.lambda_1)
+        return dataclasses.replace(
+            self._report, epoch=int(self._last['epoch'][0]), index=self._index(),
+            impacts=int(self._watch[0]['quiet']),
+            kicked=bool(self._watch[0]['kicked']), retunes=int(self._watch[0]['retunes']),
+            exponent=now.lambda_1 if is_known else now.lambda_1_finite,
+            exponent_error=now.lambda_1_error)
 
     @property
     def impacts(self) -> int:
         """Return the impacts since the present transient began."""
-        return (int(self._index()) - self._report.start) % 2**32
+        return (self._index() - self._report.start) % 2**32
 
     def update(self, events: EventArray) -> list[TransientReport]:
         """
@@ -353,110 +478,206 @@ class TransientDetector:
             if not piece.follows or self._last is None:
                 self._last = stretch[:1].copy()
                 stretch = stretch[1:]
-                restart(self._watch[0])
-                self._watch[0]['time'] = 0.0
-                changes.append(self._begin())
+                changes.append(self._restart())
             while len(stretch):
                 done, what, period = watch_events(
-                    self._watch[0], self._history, self._last, stretch, self._tolerance)
+                    self._watch[0], self._history, self._orbit, self._last, stretch,
+                    self._tolerance)
+                if self._report.regime is Regime.TRANSIENT:
+                    self._running.update(stretch[:done])
                 stretch = stretch[done:]
-                if what == CANDIDATE:
-                    orbit = self._confirm(period)
-                    if orbit is not None:
-                        self._report = orbit
-                        changes.append(orbit)
-                elif what == RESTED:
-                    changes.append(self._rest())
-                elif what in (BEGUN, LEFT):
-                    changes.append(self._begin())
+                if what:
+                    changes += self._answer(what, period)
         return changes
+
+    def _answer(self, what: int, period: int) -> list[TransientReport]:
+        assert self._last is not None
+        watch: Any = self._watch[0]
+        if what == BEGUN and self._last['kind'][0] == RESET:
+            return [self._restart()]
+        if what == GROWN:
+            lag = long_recurrence(self._history, watch['impacts'], self._tolerance)
+            return [(self._confirm(lag) if lag else None) or self.report]
+        if what == CANDIDATE:
+            settled = self._confirm(period)
+            return [settled] if settled else []
+        was_said = self._report.regime is not Regime.TRANSIENT or watch['quiet'] >= HOLD
+        self._depart(what)
+        if what == RESTED:
+            return [self._rest()]
+        settled = self._confirm(period) if period else None
+        if settled:
+            return [settled]
+        return [self._report] if was_said else []
 
     def _index(self) -> int:
         return 0 if self._last is None else int(self._last['index'][0])
 
-    def _begin(self) -> TransientReport:
+    def _restart(self) -> TransientReport:
+        restart(self._watch[0])
+        self._home = None
+        self._begin(self._index())
         assert self._last is not None
-        epoch = int(self._last['epoch'][0])
-        self._report = TransientReport(
-            Regime.TRANSIENT, epoch=epoch, index=self._index(), start=self._index())
         return self._rest() if rests_for_ever(self._last[0]) else self._report
 
-    def _rest(self) -> TransientReport:
+    def _depart(self, what: int) -> None:
+        # Where the transient began that ends what was before, if anything was.
+        watch: Any = self._watch[0]
+        period, retune = int(watch['locked']), int(watch['retune_index'])
+        if (what == RESTED and self._report.regime is Regime.TRANSIENT
+                and watch['since_retune'] > 0):
+            return
+        by_retune = what != LEFT or not watch['kicked'] or watch['since_retune'] <= period + 1
+        if by_retune and watch['jumped']:
+            self._home = None
+        elif period and self._home:
+            # A ramp may have moved the orbit since it was recognised.
+            self._home = (self._past(period + 1)[:-1], *self._home[1:])
+        begin_transient(watch)
+        self._begin(retune if by_retune and retune >= 0 else self._index())
+
+    def _begin(self, start: int) -> None:
+        assert self._last is not None
         self._report = TransientReport(
-            Regime.REST, epoch=self._report.epoch, index=self._index(), start=self._report.start,
-            lifetime=self.impacts)
+            Regime.TRANSIENT, epoch=int(self._last['epoch'][0]), index=self._index(), start=start)
+        self._running = RunningLyapunov()
+        self._running.update(self._last)
+
+    def _rest(self) -> TransientReport:
+        assert self._last is not None
+        begin_transient(self._watch[0])
+        self._watch[0]['resting'] = 1
+        self._report = TransientReport(
+            Regime.REST, epoch=int(self._last['epoch'][0]), index=self._index(),
+            start=self._report.start, lifetime=self.impacts)
         return self._report
 
-    def _confirm(self, period: int) -> TransientReport | None:
+    def _confirm(self, candidate: int) -> TransientReport | None:
         watch: Any = self._watch[0]
         n = int(watch['impacts'])
-        past = self._past(min(n - 1, LOOK))
-        # A slow approach from alternating sides recurs at a multiple of the period first.
-        found = next(
-            (p for p in range(1, period + 1)
-             if period % p == 0 and self._is_period(past, p, period)), None)
-        if found is None:
-            return None
-        period = found
-        turns = round(float(np.sum(past['flight_time'][-period:])) / TWO_PI)
-        run = min(int(watch['recurrences'][period]), len(past) - period)
-        recurrences = _distances(past[-run:], past[-run - period:-period])
-        multiplier, remaining = _approach(recurrences, period)
-        if remaining > APPROACHED * self._tolerance:
-            return None
-        orbit = past[-period:]
-        if np.any(orbit['sticks']):
-            multiplier = 0.0
-        kept = min(n - 1, HISTORY)
-        past = self._past(kept)
-        aligned = orbit[np.arange(-kept, 0) % period]
-        outside = np.flatnonzero(_distances(past, aligned) > self._tolerance)
-        first = n - kept + (int(outside[-1]) + 1 if len(outside) else 0)
-        watch['locked'] = period
-        start = self._report.start
-        points = [OrbitPoint(Wall(point['wall']), *point.item()[1:4]) for point in orbit]
-        least = min(range(period), key=lambda k: (points[k].wall, points[k].phase))
-        return TransientReport(
-            Regime.ORBIT,
-            epoch=self._report.epoch,
-            index=self._index(),
-            start=start,
-            lifetime=(self._index() - (n - 1 - first) - start) % 2**32,
-            period_impacts=period,
-            period_drive=turns,
-            multiplier=multiplier,
-            points=tuple(points[least:] + points[:least]),
-        )
+        past = self._past(min(n - 1, 2 * max(candidate, HOLD)))
+        # A slow approach from alternating sides recurs at a multiple of the period first, and
+        # next to a period doubling at half of it.
+        periods = [p for p in range(1, candidate + 1)
+                   if candidate % p == 0 and self._is_period(past, p, candidate)]
+        if periods and 2 * candidate <= LONGEST_ORBIT and 4 * candidate < n:
+            periods.append(2 * candidate)
+        for period in periods:
+            found = self._orbit_of(past, period)
+            if found:
+                return self._settle(*found, past)
+        return None
 
-    def _past(self, count: int) -> npt.NDArray[np.void]:
-        # Oldest first; the very first impact of a transient has no flight time.
-        n = int(self._watch[0]['impacts'])
-        return self._history[np.arange(n - count, n) % HISTORY]
-
-    def _is_period(self, past: npt.NDArray[np.void], period: int, over: int) -> bool:
+    def _is_period(self, past: SectionArray, period: int, over: int) -> bool:
         apart = _distances(past[-over:], past[-over - period:-period])
         drive_periods = float(np.sum(past['flight_time'][-period:])) / TWO_PI
         turns = round(drive_periods)
         return (float(np.max(apart)) <= self._tolerance and turns >= 1
                 and abs(drive_periods - turns) * TWO_PI <= period * self._tolerance)
 
+    def _orbit_of(self, past: SectionArray, period: int) -> tuple[Orbit, SectionArray] | None:
+        # The orbit that the last impacts are on, and its impacts, the last one last.
+        assert self._last is not None
+        event = self._last[0]
+        parameters = Parameters(*(float(event[name]) for name in (
+            'alpha', 'beta', 'gamma', 'restitution')))
+        impacts = past[-period:].copy()
+        turns = round(float(np.sum(impacts['flight_time'])) / TWO_PI)
+        is_kicked = bool(np.any(past['kicked']))
+        orbit = None
+        sticks = impacts['wall'][impacts['sticks'] > 0]
+        if not len(sticks):
+            if is_kicked:
+                impacts = _mean(past, period)
+            refined = close_orbit(
+                impacts['wall'], np.column_stack([impacts['phase'], impacts['velocity']]),
+                parameters)
+            if refined is not None and refined.impacts < period:
+                return None
+            if refined is not None and refined.is_stable and refined.drive_periods == turns:
+                exact = impacts.copy()
+                exact['phase'], exact['velocity'] = refined.points.T
+                exact['flight_time'] = refined.flight_times
+                left = float(np.max(_distances(impacts, exact)))
+                if left > (1.0 if is_kicked else APPROACHED) * self._tolerance:
+                    return None
+                impacts, orbit = exact, refined
+            elif not is_kicked and (refined is not None or float(np.max(_distances(
+                    impacts, past[-2 * period:-period]))) > RECURRED * self._tolerance):
+                return None
+        if orbit is None:
+            orbit = Orbit(
+                parameters, impacts['wall'].copy(), np.column_stack(
+                    [impacts['phase'], impacts['velocity']]), impacts['flight_time'].copy(), turns,
+                np.full(2, 0.0 if len(sticks) else math.nan, np.complex128),
+                int(sticks[0]) if len(sticks) else NO_WALL)
+        return orbit.canonical(), impacts
 
-def _distances(a: npt.NDArray[np.void], b: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
-    turn = np.abs(a['phase'] - b['phase'])
-    turn = np.minimum(turn, TWO_PI - turn)
-    apart = np.maximum(turn, np.abs(a['velocity'] - b['velocity']))
-    apart = np.maximum(apart, np.abs(a['flight_time'] - b['flight_time']))
-    return np.where(a['wall'] == b['wall'], apart, np.inf)
+    def _settle(self, orbit: Orbit, impacts: SectionArray, past: SectionArray) -> TransientReport:
+        assert self._last is not None
+        watch: Any = self._watch[0]
+        was, period, n = self._report, orbit.impacts, int(watch['impacts'])
+        self._orbit, watch['base'] = impacts, n
+        largest = rms = math.nan
+        if np.any(past['kicked']):
+            apart = _distances(*_laid_along(past[-max(MEANT, period):], _mean(past, period)))
+            largest, rms = float(np.max(apart)), math.sqrt(float(np.mean(apart * apart)))
+        report = TransientReport(
+            Regime.ORBIT, epoch=int(self._last['epoch'][0]), index=self._index(), start=was.start,
+            retunes=int(watch['retunes']), lifetime=was.lifetime, orbit=orbit,
+            spread_largest=largest, spread_rms=rms)
+        if was.regime is Regime.ORBIT:
+            # Followed through retunes, and told again.
+            report = dataclasses.replace(report, previous=was.previous, residence=was.residence)
+            watch['next_look'] = 0
+            if self._home:
+                self._home = (impacts, report.key, self._home[2])
+        else:
+            kept = min(n - 1, HISTORY)
+            all_past, along = _laid_along(self._past(kept), impacts)
+            apart = np.maximum(_distances(all_past, along), np.abs(
+                all_past['flight_time'] - along['flight_time']))
+            outside = np.flatnonzero(apart > self._tolerance)
+            first = self._index() - (kept - 1 - (int(outside[-1]) + 1 if len(outside) else 0))
+            lifetime = (first - was.start + 2**31) % 2**32 - 2**31
+            report = dataclasses.replace(report, lifetime=max(lifetime, 0))
+            if self._home is None or not self._is_same(self._home[0], impacts):
+                if self._home is not None:
+                    report = dataclasses.replace(report, previous=self._home[1], residence=(
+                        first - self._home[2]) % 2**32)
+                self._home = (impacts, report.key, first)
+            watch['locked'], watch['next_look'], watch['resting'] = period, 0, 0
+        self._report = report
+        return report
+
+    def _is_same(self, a: SectionArray, b: SectionArray) -> bool:
+        if len(a) != len(b):
+            return False
+        # Each may be off the orbit by the tolerance.
+        near = 2.0 * self._tolerance
+        starts = np.flatnonzero(_distances(b, np.repeat(a[:1], len(b))) <= near)
+        return any(float(np.max(_distances(a, np.roll(b, -k)))) <= near for k in starts)
+
+    def _past(self, count: int) -> SectionArray:
+        # Oldest first; the very first impact of a stretch has no flight time.
+        n = int(self._watch[0]['impacts'])
+        return self._history[np.arange(n - count, n) % HISTORY]
 
 
-def _approach(recurrences: npt.NDArray[np.float64], period: int) -> tuple[float, float]:
-    # Modulus of the leading multiplier per period, and how far the orbit still is.
-    nearest = float(np.max(recurrences[-period:]))
-    seen = np.flatnonzero(recurrences > ROUNDING_FLOOR)
-    if len(seen) < max(2 * period, 8):
-        return math.nan, nearest
-    slope = np.polyfit(seen.astype(float), np.log(recurrences[seen]), 1)[0]
-    multiplier = math.exp(float(slope) * period)
-    if nearest <= ROUNDING_FLOOR:
-        return multiplier, nearest
-    return multiplier, nearest * multiplier / (1.0 - multiplier) if multiplier < 1.0 else math.inf
+def _distances(a: SectionArray, b: SectionArray) -> npt.NDArray[np.float64]:
+    return distances(a['velocity'], a['phase'], b['velocity'], b['phase'])
+
+
+def _laid_along(past: SectionArray, impacts: SectionArray) -> tuple[SectionArray, SectionArray]:
+    # An orbit beside the impacts that end with its last one.
+    return past, impacts[np.arange(-len(past), 0) % len(impacts)]
+
+
+def _mean(past: SectionArray, period: int) -> SectionArray:
+    rounds = past[-max(MEANT // period, 1) * period:].reshape(-1, period)
+    mean = rounds[-1].copy()
+    away = np.mean(turn(rounds['phase'] - mean['phase']), axis=0)
+    mean['phase'] = np.mod(mean['phase'] + away, TWO_PI)
+    for name in ('velocity', 'flight_time'):
+        mean[name] = np.mean(rounds[name], axis=0)
+    return mean

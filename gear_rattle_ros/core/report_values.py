@@ -1,9 +1,16 @@
 """Reports of the analyses as named values: what is published live and recomputed from a bag."""
 
 from collections.abc import Mapping
+import itertools
+import math
+from typing import Final
 
 from .lyapunov import LyapunovReport
-from .orbits import Regime, TransientReport
+from .model import Wall
+from .orbits import TransientReport
+
+# Points of an orbit that are written down; one that sticks may have thousands.
+POINTS_MOST: Final = 256
 
 
 def lyapunov_values(report: LyapunovReport) -> dict[str, float]:
@@ -30,11 +37,39 @@ def lyapunov_values(report: LyapunovReport) -> dict[str, float]:
         'exact_sum': report.exact_sum,
         'lambda_1_finite': report.lambda_1_finite,
         'window': report.window,
+        'finite_retunes': report.finite_retunes,
         'mean_flight_time': report.mean_flight_time,
+        'impulse_balance': report.impulse_balance,
+        'exact_impulse_balance': report.exact_impulse_balance,
         'epoch': report.epoch,
+        'sticks': report.sticks,
         'impacts': report.impacts,
         'index': report.index,
     }
+
+
+def infinite_in_words(values: Mapping[str, float]) -> str:
+    """
+    Say why an exponent is infinite.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Those of an estimate.
+
+    Returns
+    -------
+    str
+        One sentence; empty where both exponents are finite or not known.
+
+    """
+    sticks = values.get('sticks', 0.0)
+    if values.get('lambda_1') == -math.inf and sticks > 0.0:
+        return (f'-inf: the mass stuck at {sticks:,.0f} of {values.get("impacts", 0.0):,.0f} '
+                'impacts and forgot all that was before (superstable)')
+    if values.get('lambda_2') == -math.inf:
+        return '-inf: without restitution an impact forgets the velocity before it (r = 0)'
+    return ''
 
 
 def transient_values(report: TransientReport) -> dict[str, object]:
@@ -57,16 +92,32 @@ def transient_values(report: TransientReport) -> dict[str, object]:
         'epoch': report.epoch,
         'index': report.index,
         'start': report.start,
+        'retunes': report.retunes,
     }
-    if report.lifetime is not None:
+    if report.lifetime is None:
+        values['impacts'] = report.impacts
+        values['kicked'] = report.kicked
+        values['exponent'] = report.exponent
+        values['exponent_error'] = report.exponent_error
+    else:
         values['lifetime'] = report.lifetime
-    if report.regime is Regime.ORBIT:
-        values['period_impacts'] = report.period_impacts
-        values['period_drive'] = report.period_drive
-        values['multiplier'] = report.multiplier
-        for number, point in enumerate(report.points):
-            values[f'point_{number}'] = (
-                f'{point.wall.label} wall, phase {point.phase!r}, velocity {point.velocity!r}')
+    if report.orbit is None:
+        return values
+    values['orbit'] = report.key
+    values['period_impacts'] = report.period_impacts
+    values['period_drive'] = report.period_drive
+    values['multiplier'] = report.multiplier
+    values['multipliers'] = ' '.join(str(complex(value)) for value in report.orbit.multipliers)
+    if not math.isnan(report.spread_rms):
+        values['spread_largest'] = report.spread_largest
+        values['spread_rms'] = report.spread_rms
+    if report.previous:
+        values['previous'] = report.previous
+        values['residence'] = report.residence
+    points = zip(report.orbit.walls, report.orbit.points.tolist(), strict=True)
+    for number, (wall, (phase, velocity)) in enumerate(itertools.islice(points, POINTS_MOST)):
+        values[f'point_{number}'] = (
+            f'{Wall(wall).label} wall, phase {phase!r}, velocity {velocity!r}')
     return values
 
 

@@ -10,7 +10,7 @@ from .dds_room import ReadingNode
 from .shell import EventInput, HoleLog, run_node
 from ..core.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.model import EventArray, Parameters, State
-from ..core.report_values import lyapunov_values
+from ..core.report_values import infinite_in_words, lyapunov_values
 from ..core.simulation import Simulation
 from ..messages import named_values, stamp_from_nanoseconds
 from ..parameters import LYAPUNOV
@@ -30,6 +30,7 @@ class Lyapunov(ReadingNode):
         self._running = RunningLyapunov(window)
         self._stamp = 0
         self._published: LyapunovReport | None = None
+        self._was_infinite = False
         self._holes = HoleLog(self, self._running.guard, 'a new average begins')
         self._publisher = self.create_publisher(JointState, 'lyapunov', STREAM)
         self._input = EventInput(self, self._take)
@@ -41,7 +42,8 @@ class Lyapunov(ReadingNode):
         now = self._running.report()
         level, message = self._holes.status()
         return level, message, {
-            **self._input.counts(), **self._holes.counts(), **dataclasses.asdict(now)}
+            **self._input.counts(), **self._holes.counts(), **dataclasses.asdict(now),
+            'infinite': infinite_in_words(dataclasses.asdict(now)) or 'none'}
 
     def close(self) -> None:
         """Publish the last word."""
@@ -59,8 +61,13 @@ class Lyapunov(ReadingNode):
         if now.index == 0 and now.impacts == 0 or now == self._published:
             return
         self._published = now
-        self._publisher.publish(
-            named_values(lyapunov_values(now), stamp_from_nanoseconds(self._stamp)))
+        values = lyapunov_values(now)
+        infinite = infinite_in_words(values)
+        # Said where it begins, not in every epoch of a ramp.
+        if infinite and not self._was_infinite:
+            self.get_logger().info(infinite)
+        self._was_infinite = bool(infinite)
+        self._publisher.publish(named_values(values, stamp_from_nanoseconds(self._stamp)))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from .dds_room import ReadingNode
 from .shell import EventInput, HoleLog, run_node
 from ..core.model import EventArray, Parameters, State
-from ..core.orbits import Regime, TransientDetector
+from ..core.orbits import TransientDetector
 from ..core.report_values import transient_values
 from ..core.simulation import Simulation
 from ..messages import diagnostic_array, stamp_from_nanoseconds
@@ -41,7 +41,6 @@ class Transients(ReadingNode):
         self._input.drain()
 
     def _take(self, events: EventArray, stamp: int) -> None:
-        before = self._detector.report
         changes = self._detector.update(events)
         self._holes.speak()
         for change in changes:
@@ -49,9 +48,7 @@ class Transients(ReadingNode):
                 f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok',
                 change.describe(), transient_values(change) | {'tolerance': self._tolerance},
                 stamp_from_nanoseconds(stamp)))
-            if change.regime is not Regime.TRANSIENT or before.regime is not Regime.TRANSIENT:
-                self.get_logger().info(change.describe())
-            before = change
+            self.get_logger().info(change.describe())
 
 
 def main(arguments: list[str] | None = None) -> int:

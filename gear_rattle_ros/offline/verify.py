@@ -38,6 +38,9 @@ class Verdict:
         Estimates and reports that were found again, bit for bit.
     beyond : int
         Estimates and reports that rest on events which are not in the bag.
+    imbalance : float
+        Largest difference of the mean force of the walls from what it must be, at the ends of
+        batches [1].
     holes, anew : tuple of Hole
         Where records are missing, and where the numbers begin anew in mid-run.
     fault : str
@@ -60,6 +63,7 @@ class Verdict:
     exponents: int
     transients: int
     beyond: int
+    imbalance: float
     holes: tuple[Hole, ...]
     anew: tuple[Hole, ...]
     fault: str
@@ -85,7 +89,8 @@ class Verdict:
         seen = (f'{self.events} events ({self.impacts} impacts, {self.kicked} of them kicked by '
                 f'noise), {self.flights} flights rebuilt, {self.epochs} epochs in '
                 f'{self.runs} runs')
-        again = f'{self.exponents} estimates and {self.transients} transient reports found again'
+        again = (f'{self.exponents} estimates and {self.transients} transient reports found again'
+                 f', impulse balance within {self.imbalance:.1e}')
         notes = ''
         if self.beyond:
             notes += f', {self.beyond} more rest on what is not in the bag'
@@ -167,7 +172,7 @@ def verify(path: Path, topic: str = '') -> Verdict:
     return Verdict(
         succession.events, succession.impacts, succession.kicked, succession.flights,
         succession.epochs, succession.runs, tallies[0].found, tallies[1].found,
-        sum(tally.beyond for tally in tallies), tuple(succession.holes),
+        sum(tally.beyond for tally in tallies), exponents.imbalance, tuple(succession.holes),
         tuple(succession.anew),
         steps.fault or tallies[0].fault or tallies[1].fault, frozenset(kernels), bag.is_whole,
         time.monotonic() - began)

@@ -5,10 +5,12 @@ import math
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from gear_rattle_ros.core.elementary import TWO_PI
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
+from gear_rattle_ros.core.report_values import infinite_in_words, lyapunov_values
 from gear_rattle_ros.core.simulation import Simulation
 
 FAR = 10**8
@@ -33,6 +35,17 @@ STORY = whole_story()
 def fields(running: RunningLyapunov) -> str:
     """Return everything reported, to the last bit."""
     return repr(running.report())
+
+
+def slow_ramp(alpha: float, step: float, periods: int, start: State, noise: float = 0.0
+              ) -> EventArray:
+    """Return a run in which alpha moves at the end of every drive period."""
+    simulation = Simulation(Parameters(alpha), start, noise=noise)
+    pieces = []
+    for k in range(1, periods + 1):
+        pieces.append(simulation.advance(k, 0.0, 1000))
+        pieces.append(simulation.retune(Parameters(alpha + k * step)))
+    return np.concatenate(pieces)
 
 
 @given(st.lists(st.integers(0, len(STORY)), max_size=12), st.integers(1, len(STORY)))
@@ -255,3 +268,127 @@ def test_a_window_must_hold_something() -> None:
     """An empty window is refused by name."""
     with pytest.raises(ValueError, match='^window = 0'):
         RunningLyapunov(0)
+
+
+def test_finite_time_exponents_cross_the_retunes_of_a_ramp() -> None:
+    """2,000 retunes from 0.57 on: few impacts are averaged, a thousand in the finite-time one."""
+    running = RunningLyapunov(1000)
+    events = slow_ramp(0.57, 5e-6, 2000, State(velocity=-1.0))
+    running.update(events)
+    report = running.report()
+    assert report.impacts < 4 and report.epoch == 2000
+    # It ends on A: both its multipliers are complex, of modulus 0.9^3 exp(-0.1 pi) at any alpha.
+    exponent = (math.log(0.81) - 0.1 * TWO_PI / 3) / 2.0
+    assert report.lambda_1_finite == pytest.approx(exponent, abs=4.0 / 1000)
+    # The retunes behind the impact before the window, up to the last impact.
+    hits = np.flatnonzero(events['kind'] <= EventKind.STICK)
+    assert report.finite_retunes == int(np.count_nonzero(
+        events['kind'][hits[-1001]:hits[-1]] == EventKind.RETUNE))
+
+
+def test_a_retune_that_changes_nothing_leaves_the_finite_time_exponent() -> None:
+    """The tangent of a change in mid-flight is the identity."""
+    start = State(velocity=-0.5)
+    parted = slow_ramp(0.48, 0.0, 600, start)
+    whole = Simulation(Parameters(0.48), start).advance(600, 0.0, 10_000)
+    running, plain = RunningLyapunov(1500), RunningLyapunov(1500)
+    running.update(parted)
+    plain.update(whole)
+    assert running.report().lambda_1_finite == pytest.approx(
+        plain.report().lambda_1_finite, rel=1e-9)
+    assert plain.report().finite_retunes == 0 < running.report().finite_retunes
+    # A reset forgets: there are no thousand impacts yet.
+    simulation = Simulation(Parameters(0.48), start)
+    plain.update(np.concatenate([simulation.advance(600, 0.0, 10_000),
+                                 simulation.reset(0.0, 0.0, -1.0)]))
+    assert math.isnan(plain.report().lambda_1_finite)
+
+
+def test_exponent_of_a_slow_ramp_is_the_static_one() -> None:
+    """Chaos at 1.2, over 8,000 impacts while alpha moves by 3e-4."""
+    start = State(0, 0.3, -0.5, 0.4)
+    static = growth_by_equation_9(Simulation(Parameters(1.2), start).advance(FAR, 0.0, 20_000))
+    running = RunningLyapunov(8000)
+    running.update(slow_ramp(1.2, 1e-7, 3000, start))
+    blocks = static[:19_200].reshape(-1, 160).mean(axis=1)
+    error = float(np.std(blocks, ddof=1)) * math.sqrt(160) * math.hypot(
+        1.0 / math.sqrt(len(static)), 1.0 / math.sqrt(8000))
+    assert running.report().finite_retunes > 2000
+    assert abs(running.report().lambda_1_finite - static.mean()) < 4.0 * error
+
+
+def impulses_by_quadrature(events: EventArray) -> tuple[float, float, float]:
+    """Return impulse of the walls, time, and gamma times the time."""
+    impulse, exact, time = [], [], 0.0
+    resting = False
+    for before, event in zip(events[:-1], events[1:], strict=True):
+        alpha, beta, gamma = (float(before[name]) for name in ('alpha', 'beta', 'gamma'))
+        d = (int(event['cycle']) - int(before['cycle'])) * TWO_PI + float(
+            event['phase'] - before['phase'])
+        time += d
+        resting = before['kind'] == EventKind.STICK or (
+            resting and before['kind'] == EventKind.RETUNE)
+        if resting:
+            impulse.append(quad(
+                lambda t, a, b, c: -a * math.sin(t) + a * b * math.cos(t) + c,
+                float(before['phase']), float(before['phase']) + d, (alpha, beta, gamma),
+                epsabs=1e-13, limit=500)[0])
+        elif event['kind'] <= EventKind.STICK:
+            impulse.append(float(event['velocity'] - event['velocity_after']))
+        ends = [float(e['velocity_after']) + beta * float(e['displacement'])
+                - alpha * (math.cos(e['phase']) + beta * math.sin(e['phase']))
+                for e in (before, event)]
+        exact.append(gamma * d - (ends[1] - ends[0]))
+    return math.fsum(impulse), time, math.fsum(exact)
+
+
+@pytest.mark.parametrize('alpha, beta, gamma, restitution, noise', [
+    (0.48, 0.1, 0.1, 0.9, 0.0), (1.2, 0.1, 0.1, 0.9, 0.02), (5.0, 0.0159, 2.533, 0.7, 0.0),
+    (3.0, 0.1, -1.2, 0.6, 0.0), (1.5, 0.0, 0.0, 0.8, 0.1), (0.3, 0.1, 0.1, 0.05, 0.0),
+    (2.0, 0.3, -0.2, 0.0, 0.0), (0.7, 0.0, 0.4, 1.0, 0.0)])
+def test_impulse_balance(alpha: float, beta: float, gamma: float, restitution: float,
+                         noise: float) -> None:
+    """What the walls give to the mass, and what it must be; sticking, kicks and retunes."""
+    rng = np.random.default_rng(7)
+    simulation = Simulation(Parameters(alpha, beta, gamma, restitution), State(
+        0, float(rng.uniform(0.0, 6.0)), -0.3, float(rng.uniform(-1.0, 1.0))), noise=noise)
+    running = RunningLyapunov()
+    parts = [simulation.advance(0, 6.2, 1)]
+    running.update(parts[0])
+    for k in range(4):
+        # At 5.0 the mass sticks where it does so in every period.
+        moment = (simulation.moment[0] + 40, 5.0 if k == 1 else float(rng.uniform(0.0, 6.0)))
+        parts.append(simulation.advance(*moment, 100_000))
+        running.update(parts[-1])
+        stretch = np.concatenate(parts)
+        impulse, time, exact = impulses_by_quadrature(stretch)
+        report = running.report()
+        scale = 1e-13 * (len(stretch) + time) * (1.0 + alpha + abs(gamma)) / time
+        assert report.impulse_balance == pytest.approx(impulse / time, abs=scale)
+        assert report.exact_impulse_balance == pytest.approx(exact / time, abs=scale)
+        assert report.impulse_balance == pytest.approx(report.exact_impulse_balance, abs=scale)
+        # In time it is gamma: what the ends add is bounded.
+        top = float(np.abs(stretch['velocity_after']).max()) + beta + alpha * (1.0 + beta)
+        assert abs(report.impulse_balance - gamma) <= 0.01 + 2.0 * top / time
+        parts.append(simulation.retune(Parameters(
+            1.001 * alpha, 1.01 * beta, gamma + 1e-3 * k, restitution)))
+        running.update(parts[-1])
+
+
+def test_an_infinite_exponent_is_explained() -> None:
+    """By sticking, or by no restitution; finite ones need no words."""
+    events = Simulation(Parameters(5.0, 0.0159, 2.533, 0.7), State(velocity=-1.0)).advance(
+        FAR, 0.0, 3000)
+    running = RunningLyapunov()
+    running.update(events)
+    report = running.report()
+    assert report.sticks == np.count_nonzero(events['kind'] == EventKind.STICK) == 43
+    assert infinite_in_words(lyapunov_values(report)) == (
+        f'-inf: the mass stuck at 43 of {report.impacts:,} impacts and forgot all that was before '
+        '(superstable)')
+    no_restitution = RunningLyapunov()
+    no_restitution.update(Simulation(Parameters(8.0, 0.1, 0.0, 0.0), State(
+        0, 0.0, -0.5, 3.0)).advance(FAR, 0.0, 2))
+    assert no_restitution.report().lambda_2 == -math.inf
+    assert 'r = 0' in infinite_in_words(lyapunov_values(no_restitution.report()))
+    assert infinite_in_words(lyapunov_values(RunningLyapunov().report())) == ''

@@ -113,7 +113,7 @@ def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
         # stick forgets it.
         if report.lifetime < 60 or sticks:
             assert agrees, starts[number]
-            # The detector takes what it has seen last for the orbit, a quarter of 1e-3 away.
+            # A label asks for the flight time of the impact with which it begins alone.
             assert abs(report.lifetime - lifetime[number]) <= 4
             chattered += sticks > 0
             short += 1

@@ -37,7 +37,7 @@ def orbits_by_events(alpha):
         detector.update(simulation.advance(2000, 0.0, 20_000))
         report = detector.report
         assert report.regime is Regime.ORBIT
-        found[report.period_impacts] = sorted(point.velocity for point in report.points)
+        found[report.period_impacts] = sorted(report.orbit.points[:, 1])
     return found
 
 

@@ -213,3 +213,33 @@ def test_bad_bags_and_arguments(tmp_path: Path, capsys: pytest.CaptureFixture[st
     with pytest.raises(SystemExit) as ended:
         main([])
     assert ended.value.code == 2
+
+
+def ramp_and_chatter() -> list[EventArray]:
+    """Return a ramp through chaos, then chatter that sticks in every period, with late noise."""
+    s = Simulation(Parameters(0.57), State(velocity=-1.0), seed=3)
+    parts = []
+    for k in range(1, 801):
+        parts += [s.advance(k, 0.0, 1000), s.retune(Parameters(0.57 + 5e-6 * k))]
+    parts += [s.retune(Parameters(5.0, 0.0159, 2.533, 0.7)), s.advance(10**6, 0.0, 2000)]
+    s.noise = 1e-3
+    parts += [s.advance(10**6, 0.0, 2000)]
+    whole = np.concatenate(parts)
+    return [whole[i:i + 60] for i in range(0, len(whole), 60)]
+
+
+@pytest.mark.parametrize('comes_in, begins', [(0, 0), (5, 0), (0, 5), (3, 9)])
+def test_ramps_sticking_and_noise_are_verified(tmp_path: Path, comes_in: int, begins: int) -> None:
+    """What crosses retunes too, also where a node comes in, or the bag begins, in the ramp."""
+    log = Log(tmp_path / 'bag')
+    for number, events in enumerate(ramp_and_chatter()):
+        log.batch(events, Time(sec=number), number >= comes_in, number >= comes_in,
+                  is_recorded=number >= begins)
+    log.writer.close()
+    verdict = verify(tmp_path / 'bag')
+    assert verdict.is_verified, verdict.describe()
+    assert verdict.kicked > 1000
+    assert 0.0 < verdict.imbalance < 1e-10
+    if comes_in == begins == 0:
+        assert verdict.beyond == 0
+    assert 'impulse balance within' in verdict.describe()
