@@ -120,8 +120,8 @@ def found(stretches: list[Stretch]) -> list[str]:
         alpha = ' to '.join(f'{value:g}' for value in dict.fromkeys(
             round(float(events['alpha'][place]), 12) for place in (0, -1)))
         line = f'{number}. alpha {alpha}, {impact_count(events):,} impacts: {says}'
-        # A ramp begins its averages anew in every drive period.
-        if stretch.step.ramps_to is None and math.isfinite(stretch.error):
+        # A ramp begins its averages anew in every drive period; a transient has said its own.
+        if 'exponent' not in says and math.isfinite(stretch.error):
             line += f'; largest exponent {stretch.exponent:+.3f}'
         lines.append(line)
     return lines

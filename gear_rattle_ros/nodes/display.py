@@ -10,6 +10,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from ..core.report_values import infinite_in_words
 from ..core.words import counted
 
 
@@ -38,6 +39,16 @@ class Status:
         uncertainty = self.exponents.get(error, math.nan)
         return text if math.isnan(uncertainty) else f'{text} ± {uncertainty:.6f}'
 
+    def finite(self) -> str:
+        """Return the finite-time exponent, with the retunes that it crosses."""
+        retunes = self.exponents.get('finite_retunes', 0.0)
+        return self.exponent('lambda_1_finite') + (
+            f' over {retunes:,.0f} retunes' if retunes > 0.0 else '')
+
+    def infinite(self) -> str:
+        """Return why an exponent is infinite, or nothing."""
+        return infinite_in_words(self.exponents)
+
     def time(self) -> str:
         """Return the time since the first impact, and of how much."""
         whole = f' of {self.duration:.0f} s' if self.duration > 0.0 else ' s, until stopped'
@@ -48,11 +59,13 @@ class Status:
         return (
             f'{self.time()}: {counted(self.impacts, "impact")}, '
             f'{self.impacts_per_second:.0f}/s, alpha {self.alpha:g}, '
-            f'lambda_1 {self.exponent("lambda_1", "lambda_1_error")}, '
-            f'lambda_2 {self.exponent("lambda_2", "lambda_2_error")}, '
-            f'sum {self.exponent("sum")} (exact {self.exponent("exact_sum")}), '
-            f'{self.trajectory or "-"}, {counted(sum(self.gaps.values()), "gap")}, '
-            f'bag {self.bag_bytes / 1e6:.1f} MB')
+            f'lambda_1 {self.exponent("lambda_1", "lambda_1_error")}, finite-time '
+            f'{self.finite()}, lambda_2 {self.exponent("lambda_2", "lambda_2_error")}, '
+            f'sum {self.exponent("sum")} (exact {self.exponent("exact_sum")}), impulse balance '
+            f'{self.exponent("impulse_balance")} (exact '
+            f'{self.exponent("exact_impulse_balance")}), '
+            f'{", ".join(filter(None, (self.infinite(), self.trajectory or "-")))}, '
+            f'{counted(sum(self.gaps.values()), "gap")}, bag {self.bag_bytes / 1e6:.1f} MB')
 
 
 def render(status: Status) -> Panel:
@@ -65,17 +78,20 @@ def render(status: Status) -> Panel:
     whole = '[green]none[/]' if not gaps else (
         f'[red]{gaps}, {counted(lost, "impact")} lost: {where}[/]')
     exponents = status.exponents
-    finite = status.exponent('lambda_1_finite')
+    infinite = status.infinite()
     for name, value in (
         ('time', status.time()),
         ('impacts', f'{status.impacts:,}'),
         ('impacts per second', f'{status.impacts_per_second:,.0f}'),
         ('alpha [1]', f'{status.alpha:g}'),
         ('lambda_1 per impact', status.exponent('lambda_1', 'lambda_1_error')),
-        (f'  last {counted(exponents.get("window", 0), "impact")}', finite),
+        (f'  last {counted(exponents.get("window", 0), "impact")}', status.finite()),
         ('lambda_2 per impact', status.exponent('lambda_2', 'lambda_2_error')),
         ('sum', status.exponent('sum')),
         ('  exact sum', status.exponent('exact_sum')),
+        *([('', infinite)] if infinite else []),
+        ('impulse balance', status.exponent('impulse_balance')),
+        ('  exact', status.exponent('exact_impulse_balance')),
         ('averaged over', counted(exponents.get('impacts', 0), 'impact')),
         ('trajectory', escape(status.trajectory) or '-'),
         ('gaps', whole),

@@ -18,6 +18,7 @@ from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
 from .viewer_sinks import add_index, chosen_mode, file_recording, Window
 from ..core.model import EVENT, EventArray
 from ..core.reconstruction import rebuild
+from ..core.report_values import infinite_in_words
 from ..core.words import counted
 from ..parameters import VIEWER
 from ..qos import LATCHED, STREAM
@@ -178,7 +179,8 @@ class Viewer(ReadingNode):
         text, values = self._transient
         lines = [f'**{text or "no word of the transient yet"}**']
         if 'multiplier' in values:
-            lines.append(f'multiplier {float(values["multiplier"]):.4f}')
+            lines.append(f'{values.get("orbit", "orbit")}, '
+                         f'multiplier {float(values["multiplier"]):.4f}')
         lines.append(f'alpha **{event["alpha"]:g}**, beta {event["beta"]:g}, '
                      f'gamma {event["gamma"]:g}, r {event["restitution"]:g}')
         if self._estimate:
@@ -186,7 +188,10 @@ class Viewer(ReadingNode):
             lines += [f'λ1 = {e["lambda_1"]:.5f} ± {e["lambda_1_error"]:.5f}',
                       f'λ2 = {e["lambda_2"]:.5f} ± {e["lambda_2_error"]:.5f}',
                       f'λ1 + λ2 = {e["sum"]:.6f}, exact {e["exact_sum"]:.6f}',
-                      f'over {counted(e["impacts"], "impact")}']
+                      f'impulse balance {e.get("impulse_balance", math.nan):.6f}, exact '
+                      f'{e.get("exact_impulse_balance", math.nan):.6f}',
+                      f'over {counted(e["impacts"], "impact")}',
+                      infinite_in_words(e)]
         if self._basin is not None:
             lines += ['', '**Basins** ' + self._basin.words[0], *self._basin.words[1:]]
         # Two blanks make Markdown break the line.

@@ -208,8 +208,7 @@ class Scene:
             rr.Scalars.columns(scalars=np.append(changes['alpha'], now.event['alpha'])))
 
     def _draw_exponents(self, recent: Recent) -> None:
-        taken = [values for values in self._estimates
-                 if values.get('impacts', 0.0) >= IMPACTS_LEAST]
+        taken = list(self._estimates)
         self._estimates.clear()
         if not taken or recent.now is None:
             return
@@ -237,6 +236,9 @@ class Scene:
 
 def exponent_row(values: Mapping[str, float]) -> list[float]:
     """Return one row of EXPONENTS; what is not known, or infinite, leaves a gap in its line."""
+    if values.get('impacts', math.inf) < IMPACTS_LEAST:
+        # An epoch has just begun, as in a ramp: only the finite-time exponent crosses it.
+        values = {'lambda_1': math.nan, 'lambda_1_finite': values.get('lambda_1_finite', math.nan)}
     error = values.get('lambda_1_error', math.nan)
     band = {1: values['lambda_1'] + error, 2: values['lambda_1'] - error, 7: 0.0}
     row = [band.get(i, values.get(name, math.nan)) for i, (_, name) in enumerate(EXPONENTS)]

@@ -12,6 +12,7 @@ from ..core.axes import advanced, drive_times, impact_numbers, Place
 from ..core.lyapunov import RunningLyapunov
 from ..core.model import EVENT, EventArray, EventKind, impact_count
 from ..core.orbits import Regime, TransientDetector, TransientReport
+from ..core.report_values import infinite_in_words, lyapunov_values
 from ..core.stream import Piece, StreamGuard
 
 POINT: Final = np.dtype([
@@ -110,6 +111,8 @@ class Digest:
         Impacts; first event, retunes and resets; estimates of the exponents.
     words : list of Word
         The first few things that the trajectory was found to do and the last few.
+    infinite : str
+        Why an exponent was infinite when last looked at, or empty.
     tail : ndarray of EVENT, shape (n,)
         The last events that have no hole between them.
     guard : StreamGuard
@@ -124,6 +127,7 @@ class Digest:
         self.changes = Thinned(POINT, CHANGES_MOST)
         self.estimates = Thinned(ESTIMATE, ESTIMATES_MOST)
         self.words: list[Word] = []
+        self.infinite = ''
         self.tail = np.empty(0, EVENT)
         self.guard = StreamGuard()
         self._lyapunov = RunningLyapunov(window)
@@ -158,14 +162,22 @@ class Digest:
     def _follow(self, events: EventArray, place: Place) -> None:
         self._lyapunov.update(events)
         now = self._lyapunov.report()
+        self.infinite = infinite_in_words(lyapunov_values(now))
         if now.impacts:
             impact = int(impact_numbers(events[-1:], place)[0])
             self.estimates.add(np.array([(
                 impact, now.epoch, now.impacts, now.lambda_1, now.lambda_2, now.lambda_1_error,
                 now.lambda_1_finite, now.exponent_sum, now.exact_sum)], ESTIMATE))
         for report in self._detector.update(events):
-            back = (int(place.event['index']) - report.index) % 2**32
+            is_transient = report.regime is Regime.TRANSIENT
+            back = (int(place.event['index']) - (
+                report.start if is_transient else report.index)) % 2**32
             alpha = float(events['alpha'][-1])
+            # What is said of a transient again takes the place of what was said before.
+            last = self.words[-1].report if self.words else None
+            if is_transient and last and (last.regime, last.start) == (
+                    report.regime, report.start):
+                alpha = self.words.pop().alpha
             self.words.append(Word(place.impact - back, alpha, report))
             if len(self.words) > 2 * WORDS_MOST:
                 del self.words[WORDS_MOST]
@@ -175,7 +187,8 @@ def in_words(word: Word) -> str:
     """Put what was found into a line, with alpha and the number of the impact."""
     text = f'impact {word.impact:,}, alpha {word.alpha:g}: '
     if word.report.regime is Regime.TRANSIENT:
-        return text + 'a transient begins'
+        known = f', {word.report.describe()}' if word.report.impacts else ''
+        return f'{text}a transient begins{known}'
     text += word.report.describe()
     if word.report.regime is Regime.ORBIT and math.isfinite(word.report.multiplier):
         text += f' (multiplier {word.report.multiplier:.3f})'

@@ -32,6 +32,8 @@ PERIODS: Final = 6
 IMPACTS_LEAST: Final = 30
 # More retunes than this are a ramp: no line for each.
 LINES_MOST: Final = 20
+# So many lines of words fit below the section.
+WORDS_ROWS: Final = 8
 MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
 MAP_END: Final = 0.75
@@ -95,12 +97,15 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
 def draw_words(axes: Axes, digest: Digest) -> None:
     """Write what the trajectory was found to do."""
     axes.axis('off')
-    lines = [in_words(word) for word in digest.words]
-    if len(lines) > 6:
-        lines = [*lines[:3], '...', *lines[-3:]]
-    lines = [textwrap.fill(line, 92, subsequent_indent='    ') for line in lines]
-    text = axes.text(0.0, 1.0, '\n'.join(lines), transform=axes.transAxes, va='top', fontsize=10,
-                     linespacing=1.4)
+    first, *lines = [textwrap.fill(in_words(word), 100, subsequent_indent='    ')
+                     for word in digest.words]
+    # The first and the last matter most.
+    if len('\n'.join([first, *lines]).splitlines()) > WORDS_ROWS:
+        while len('\n'.join([first, '...', *lines]).splitlines()) > WORDS_ROWS:
+            del lines[0]
+        lines.insert(0, '...')
+    text = axes.text(0.0, 1.0, '\n'.join([first, *lines]), transform=axes.transAxes, va='top',
+                     fontsize=9, linespacing=1.4)
     # A long line must not narrow the picture above it.
     text.set_in_layout(False)
 
@@ -134,12 +139,20 @@ def draw_alpha(axes: Axes, digest: Digest) -> None:
 
 def draw_exponents(axes: Axes, digest: Digest) -> None:
     """Draw the running and finite-time exponents, with the error and the exact sum."""
-    rows = digest.estimates.rows
-    rows = rows[rows['impacts'] >= IMPACTS_LEAST]
+    rows = digest.estimates.rows.copy()
+    # Where an epoch has just begun, as in a ramp, only the finite-time exponent is known.
+    for name in ('lambda_1', 'lambda_1_error', 'lambda_2', 'sum', 'exact_sum'):
+        rows[name][rows['impacts'] < IMPACTS_LEAST] = math.nan
     axes.set(title='Lyapunov exponents per impact, averaged since the last retune',
              xlabel='impact number', ylabel='exponent [1]')
     axes.axhline(0.0, color='black', linewidth=0.8)
     _count_axis(axes)
+    why = digest.infinite or (
+        '' if np.any(np.isfinite(rows['lambda_1']) | np.isfinite(rows['lambda_1_finite']))
+        else f'fewer than {IMPACTS_LEAST} impacts in every epoch')
+    if why:
+        axes.set_xlim(0.0, max(float(rows['impact'][-1]), 1.0) if len(rows) else 1.0)
+        axes.text(0.5, 0.95, why, transform=axes.transAxes, ha='center', va='top', color=GREY)
     if not len(rows):
         return
     x = _broken(rows, 'impact')
@@ -152,7 +165,10 @@ def draw_exponents(axes: Axes, digest: Digest) -> None:
         ('exact_sum', '2 ln r − beta <D>, exact', GREY, 4.0),
         ('sum', 'λ1 + λ2', ORANGE, 1.4),
     ):
-        axes.plot(x, _broken(rows, name), color=colour, linewidth=width, label=label)
+        # The finite-time exponent crosses retunes: its line is not broken there.
+        line = (rows['impact'], rows[name]) if name == 'lambda_1_finite' else (
+            x, _broken(rows, name))
+        axes.plot(*line, color=colour, linewidth=width, label=label)
     # The legend has a strip of its own below.
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.22), ncols=5, fontsize=9,
                 frameon=False, columnspacing=1.2, handlelength=1.5)

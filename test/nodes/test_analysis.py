@@ -16,7 +16,8 @@ from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 NAMES = ('lambda_1', 'lambda_2', 'lambda_1_error', 'lambda_2_error', 'sum', 'exact_sum',
-         'lambda_1_finite', 'mean_flight_time', 'epoch', 'impacts', 'index')
+         'lambda_1_finite', 'finite_retunes', 'mean_flight_time', 'impulse_balance',
+         'exact_impulse_balance', 'epoch', 'sticks', 'impacts', 'index')
 
 
 @pytest.fixture(scope='module')
@@ -96,6 +97,9 @@ def test_exponents_over_dds_are_those_of_the_core(bench, events):
     lyapunov.spin(lambda: lyapunov.said[-1]['index'] == events['index'][-1])
     assert same(lyapunov.said[-1], expected(events))
     assert lyapunov.said[-1]['epoch'] == 1.0
+    assert lyapunov.said[-1]['impulse_balance'] == pytest.approx(0.1, abs=1e-2)
+    assert lyapunov.said[-1]['impulse_balance'] == pytest.approx(
+        lyapunov.said[-1]['exact_impulse_balance'], abs=1e-13)
 
 
 def test_late_joiner_begins_where_it_comes_in(bench, events):
@@ -160,6 +164,42 @@ def test_transients_are_told_as_they_change(bench, events):
     assert transients.said[-1]['lifetime'] == str(changes[-1].lifetime)
     assert float(transients.said[-1]['multiplier']) == changes[-1].multiplier
     assert transients.said[-1]['epoch'] == '1'
+    assert transients.said[-1]['orbit'] == changes[-1].key
+
+
+@pytest.fixture(scope='module')
+def chatter():
+    """Return a run that sticks once in 68 impacts, for ever."""
+    return Simulation(Parameters(5.0, 0.0159, 2.533, 0.7), State(velocity=-1.0)).advance(
+        10**8, 0.0, 3000)
+
+
+def test_chatter_is_an_orbit_and_its_exponents_are_explained(bench, chatter):
+    """Periodic with 68 impacts; -inf in words, in the log and in the diagnostics."""
+    transients = bench('transients')
+    transients.send(chatter)
+    transients.spin(lambda: transients.said and transients.said[-1]['state'] == 'orbit')
+    assert transients.said[-1]['orbit'].startswith('orbit-68-1-')
+    assert float(transients.said[-1]['multiplier']) == 0.0
+    assert transients.process.stop() == 0
+    lyapunov = bench('lyapunov')
+    lyapunov.send(chatter)
+    lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == chatter['index'][-1])
+    assert lyapunov.said[-1]['lambda_1'] == -np.inf and lyapunov.said[-1]['sticks'] == 43.0
+    lyapunov.process.wait_for('the mass stuck at ')
+    lyapunov.spin(lambda: any('superstable' in h.get('infinite', '') for h in lyapunov.health))
+
+
+def test_chaos_is_told_with_its_exponent(bench, events):
+    """What is known of it, again whenever the impacts have doubled; the words are in the log."""
+    transients = bench('transients')
+    transients.send(events[:5000])
+    transients.spin(lambda: transients.said and transients.said[-1].get('impacts') == '4000')
+    last = transients.said[-1]
+    assert last['state'] == 'transient' and last['words'].startswith('no orbit in 4,000 impacts')
+    assert float(last['exponent']) == pytest.approx(0.49, abs=0.1)
+    assert 0.0 < float(last['exponent_error']) < 0.05
+    transients.process.wait_for('no orbit in 4,000 impacts (chaos or a long transient)')
 
 
 def test_what_is_no_batch_is_refused_in_one_line(bench, events):

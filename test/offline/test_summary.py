@@ -95,6 +95,29 @@ def test_a_restart_and_a_hole_are_counted() -> None:
     assert ', 10 lost' in summary.title_of(digest, 'bag')
 
 
+def test_a_panel_that_stays_empty_says_why() -> None:
+    """Chatter sticks in every period: no exponent is finite; a ramp has finite-time ones."""
+    chatter = Simulation(Parameters(5.0, 0.0159, 2.533, 0.7), State(velocity=-1.0)).advance(
+        10**6, 0.0, 3000)
+    simulation = Simulation(Parameters(0.57), State(velocity=-1.0))
+    ramp = []
+    for k in range(1, 801):
+        ramp += [simulation.advance(k, 0.0, 100), simulation.retune(Parameters(0.57 + 5e-6 * k))]
+    short = Simulation(Parameters(0.57), State(velocity=-1.0)).advance(10**6, 0.0, 20)
+    for batches, words, curves in (([chatter], 'superstable', 0), (ramp, '', 1),
+                                   ([short], 'fewer than 30 impacts', 0)):
+        figure = draw(digest_of(batches), 'bag')
+        (axes,) = (axes for part in figure.subfigs for axes in part.axes
+                   if axes.get_title().startswith('Lyapunov'))
+        said = ' '.join(text.get_text() for text in axes.texts)
+        assert words in said and bool(words) == bool(said)
+        drawn = [line for line in axes.lines
+                 if len(line.get_ydata()) > 2 and np.isfinite(line.get_ydata()).any()]
+        assert len(drawn) == curves
+    said = [in_words(word) for word in digest_of([chatter]).words]
+    assert 'orbit of 68 impacts' in said[-1]
+
+
 @pytest.fixture(scope='module')
 def picture(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     """Return the pixels of a picture of the story, each channel from 0 to 255."""

@@ -1,0 +1,34 @@
+"""What the suite shows: numbers, and words where there are none."""
+
+import io
+import math
+
+from rich.console import Console
+
+from gear_rattle_ros.nodes.display import render, Status
+
+
+def shown(status: Status) -> str:
+    """Return the table as text."""
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(render(status))
+    return ' '.join(console.export_text().replace('│', ' ').split())
+
+
+def test_infinite_exponents_are_explained() -> None:
+    """-inf has its reason beside it, in the table and on the line."""
+    status = Status(exponents={'lambda_1': -math.inf, 'lambda_2': -math.inf, 'sticks': 43.0,
+                               'impacts': 2957.0, 'impulse_balance': 2.5, 'window': 1000.0,
+                               'exact_impulse_balance': 2.5})
+    words = 'the mass stuck at 43 of 2,957 impacts and forgot all that was before (superstable)'
+    assert words in shown(status) and words in status.line()
+    assert 'impulse balance +2.500000' in shown(status)
+    status.exponents['lambda_1'] = status.exponents['lambda_2'] = 0.25
+    assert 'superstable' not in shown(status) + status.line()
+
+
+def test_finite_time_exponent_says_over_how_many_retunes() -> None:
+    """In a ramp it is all there is."""
+    status = Status(exponents={'lambda_1_finite': 0.25, 'finite_retunes': 497.0, 'window': 1e3})
+    assert '+0.250000 over 497 retunes' in shown(status)
+    assert 'finite-time +0.250000 over 497 retunes' in status.line()
