@@ -10,7 +10,7 @@ def counted(count: float, noun: str) -> str:
     Parameters
     ----------
     count : float
-        A whole number, not negative.
+        Not negative; it is rounded.
     noun : str
         What is counted, one of it.
 
@@ -20,7 +20,7 @@ def counted(count: float, noun: str) -> str:
         Such as '1 drive period', '2 trajectories' or '1,234 impacts'.
 
     """
-    number = int(count)
+    number = round(count)
     if number != 1 and noun[-1] == 'y':
         noun = f'{noun[:-1]}ies'
     elif number != 1:

@@ -166,7 +166,7 @@ def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged 
     lived, numbers = np.append(np.arange(cap + 1), cap), np.append(counts, censored)
     n = int(np.sum(numbers) + np.sum(merged.count))
     if not n or not 0 <= begin < cap:
-        raise ValueError(f'tail = {begin} does not lie below the cap of {cap} impacts')
+        raise ValueError(f'tail = {begin} does not lie below the cap of {counted(cap, "impact")}')
     late = lived > begin
     in_tail = int(np.sum(numbers[late]))
     rate = escape_rate(lived, np.arange(cap + 2) > cap, begin, numbers)
@@ -237,7 +237,8 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     """
     begin = int(TAIL * settings.cap) if begin is None else begin
     if not 0 <= begin < settings.cap:
-        raise ValueError(f'--tail {begin} does not lie below the cap of {settings.cap} impacts')
+        raise ValueError(f'--tail {begin} does not lie below the cap of '
+                         f'{counted(settings.cap, "impact")}')
     store, catalogue = compute_basins(parameters, plane, run, settings, TITLE)
     escaped, censored, merged = tally(parts_of(store, parameters, plane), catalogue.table,
                                       settings.cap)

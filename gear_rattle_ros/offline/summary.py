@@ -22,6 +22,7 @@ from ..bags import Bag, BagError
 from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
 from ..core.simulation import Simulation
+from ..core.words import counted
 from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
@@ -64,7 +65,8 @@ def title_of(digest: Digest, name: str) -> str:
     first, event = digest.changes.rows[0], digest.place.event
     periods = digest.place.drive_time - first['drive_time']
     lost = f', {digest.guard.lost:,} lost' if digest.guard.lost else ''
-    return (f'{name}: {digest.impacts:,} impacts{lost} in {periods:,.0f} drive periods, '
+    return (f'{name}: {counted(digest.impacts, "impact")}{lost} in '
+            f'{counted(periods, "drive period")}, '
             f'beta {event["beta"]:g}, gamma {event["gamma"]:g}, r {event["restitution"]:g}')
 
 
@@ -74,7 +76,7 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
     drawn = axes.scatter(
         points['phase'], points['velocity'], s=_size(len(points)), linewidths=0,
         c=_colours(points, norm), rasterized=True)
-    share = 'every impact' if len(points) == digest.impacts else f'{len(points):,} impacts'
+    share = 'every impact' if len(points) == digest.impacts else counted(len(points), 'impact')
     axes.set_title(f'Section: {share}, coloured by alpha')
     axes.set(xlim=(0.0, TWO_PI), ylabel=VELOCITY_LABEL)
     phase_ticks(axes, (0.0, TWO_PI), size=10)

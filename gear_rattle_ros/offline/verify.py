@@ -20,6 +20,7 @@ from ..core.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
 from ..core.stream import Hole, StreamGuard
 from ..core.succession import Succession
+from ..core.words import counted
 
 # Batches looked at together.
 _GROUP: Final = 64
@@ -86,11 +87,12 @@ class Verdict:
             One line; a line more for every hole.
 
         """
-        seen = (f'{self.events} events ({self.impacts} impacts, {self.kicked} of them kicked by '
-                f'noise), {self.flights} flights rebuilt, {self.epochs} epochs in '
-                f'{self.runs} runs')
-        again = (f'{self.exponents} estimates and {self.transients} transient reports found again'
-                 f', impulse balance within {self.imbalance:.1e}')
+        seen = (f'{counted(self.events, "event")} ({counted(self.impacts, "impact")}, '
+                f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
+                f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')
+        again = (f'{counted(self.exponents, "estimate")} and '
+                 f'{counted(self.transients, "transient report")} found again, '
+                 f'impulse balance within {self.imbalance:.1e}')
         notes = ''
         if self.beyond:
             notes += f', {self.beyond} more rest on what is not in the bag'
@@ -104,7 +106,7 @@ class Verdict:
         if not self.events:
             return 'not verified: there are no events'
         number = len(self.holes) + len(self.anew)
-        lines = [f'not verified: {number} {"hole" if number == 1 else "holes"}, what is between '
+        lines = [f'not verified: {counted(number, "hole")}, what is between '
                  f'them follows: {seen}, {again}{notes}; {end}']
         lines += [f'  missing: {hole.describe()}' for hole in self.holes]
         lines += [f'  the numbers begin anew at impact {hole.before[0]}, epoch {hole.before[1]}, '

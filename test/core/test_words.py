@@ -1,8 +1,16 @@
 """Counts and tables in words."""
 
+import ast
+from pathlib import Path
+
 import pytest
 
 from gear_rattle_ros.core.words import counted, in_columns
+
+PACKAGE = Path(__file__).parents[2] / 'gear_rattle_ros'
+NOUNS = ('drive periods', 'impacts', 'attractors', 'initial conditions', 'starts', 'trajectories',
+         'pieces', 'gaps', 'messages', 'events', 'tiles', 'batches', 'readers', 'times', 'escapes',
+         'kernels', 'estimates', 'reports', 'flights', 'epochs', 'runs', 'holes', 'retunes')
 
 
 @pytest.mark.parametrize(('count', 'noun', 'words'), [
@@ -19,3 +27,28 @@ def test_columns_are_aligned_below_their_headings():
                                 '    0  a        65.00',
                                 '   -1  bcd        3.1']
     assert in_columns(['a', 'b'], []) == 'a  b'
+
+
+def pasted(text):
+    """Yield line and number of every text that has a number pasted before a plural."""
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.JoinedStr):
+            continue
+        for part, behind in zip(node.values, node.values[1:], strict=False):
+            if not isinstance(part, ast.FormattedValue) or not isinstance(behind, ast.Constant):
+                continue
+            name = ast.unparse(part.value)
+            form = ast.unparse(part.format_spec) if part.format_spec else ''
+            # Constants, and measures that are no counts, are never one.
+            if not name.isupper() and '.' not in form and any(
+                    f'{behind.value} '.startswith((f' {noun} ', f' {noun},', f' {noun}:'))
+                    for noun in NOUNS):
+                yield node.lineno, name
+
+
+def test_no_number_is_pasted_before_a_plural():
+    """All texts of the package say a count by the one function, so that one is singular."""
+    assert list(pasted("f'{n:,} impacts and {N} impacts in {t:.1f} impacts'")) == [(1, 'n')]
+    # A hole of one impact is told in other words.
+    assert [f'{file.name} {line}: {name}' for file in sorted(PACKAGE.rglob('*.py'))
+            for line, name in pasted(file.read_text()) if file.name != 'stream.py'] == []

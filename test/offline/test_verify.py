@@ -94,7 +94,7 @@ def test_a_whole_run_is_verified(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main([str(tmp_path / 'bag'), str(tmp_path / 'bag' / 'bag_0.mcap')]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
-    assert all('verified: 7503 events' in line for line in lines)
+    assert all('verified: 7,503 events' in line for line in lines)
 
 
 def test_nodes_that_come_in_late_or_again(tmp_path: Path) -> None:
