@@ -168,6 +168,9 @@ def layout_of(diagram: Diagram) -> Layout:
              'long_name': 'standard error; 0 from exact multipliers', **one}, math.nan),
          Variable('exact_sum', slot, '<f8', {
              'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}, math.nan),
+         Variable('impact_state', (*slot, 'state'), '<f8', {
+             'long_name': 'an impact on it: phase [rad], displacement, velocity before it [1]'},
+             math.nan),
          Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
              'long_name': 'last state of the trajectories that are followed'}, math.nan)),
         identity)
@@ -196,7 +199,8 @@ def describe(columns: list[list[Settled]], diagram: Diagram) -> dict[str, npt.ND
         'share': np.zeros(shape), 'kind': np.full(shape, -1, np.int8),
         'period_impacts': np.zeros(shape, np.int32), 'period_drive': np.zeros(shape, np.int32),
         'exponent': np.full(shape, math.nan), 'exponent_error': np.full(shape, math.nan),
-        'exact_sum': np.full(shape, math.nan)}
+        'exact_sum': np.full(shape, math.nan),
+        'impact_state': np.full((*shape, len(STATE)), math.nan)}
     p = diagram.parameters
     for c, found in enumerate(columns):
         total = sum(len(one.members) for one in found)
@@ -207,6 +211,9 @@ def describe(columns: list[list[Settled]], diagram: Diagram) -> dict[str, npt.ND
             if k >= SLOTS:
                 continue
             values['kind'][slot] = KINDS.index(one.kind.value)
+            velocity = float(one.impact['velocity'])
+            values['impact_state'][slot] = (one.impact['phase'], -float(np.signbit(velocity)),
+                                            velocity)
             values['exponent'][slot] = one.exponent
             values['exponent_error'][slot] = one.exponent_error
             if p.restitution > 0.0:

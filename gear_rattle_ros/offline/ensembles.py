@@ -131,6 +131,8 @@ class Settled:
         else the mean of all blocks and its standard error.
     flight_time : float
         Mean time per impact [1].
+    impact : IMPACT record
+        The last one of its first member.
 
     """
 
@@ -141,6 +143,7 @@ class Settled:
     exponent: float
     exponent_error: float
     flight_time: float
+    impact: np.void
 
 
 class Followers:
@@ -288,7 +291,7 @@ def settle(ensemble: Ensemble) -> list[Settled]:
             kind, mean, error, time = Kind.REST, -math.inf, math.nan, math.nan
         found.append(Settled(
             kind, np.array(members), ensemble.counts[members].sum(axis=0, dtype=np.float64),
-            orbit, mean, error, time))
+            orbit, mean, error, time, ensemble.last[members[0], -1]))
     return found
 
 

@@ -1,0 +1,338 @@
+"""Where a chaotic attractor ends: it is followed in small steps of alpha, with its own states."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .ensembles import Ensemble, Followers, orbit_of, RECURS, Window
+from .escape_rates import EscapeRate, fit_law
+from .grid import make_starts
+from ..core.branches import Change, follow
+from ..core.closed_orbits import Orbit
+from ..core.elementary import TWO_PI
+from ..core.lanes_step import LANES
+from ..core.model import ALPHA_MAXIMUM, Parameters
+from ..core.periodic import shortest_recurrence
+from ..core.raster import KEPT
+from ..core.table import dilated
+
+FloatArray = npt.NDArray[np.float64]
+# Trajectories are looked at every so many impacts, and this often at least.
+ROUND: Final = 2048
+ROUNDS: Final = 8
+# The region of an attractor: boxes along phase and speed, up to so much above its fastest impact.
+BOXES: Final = 128
+ROOM: Final = 1.2
+# Beyond a crisis escapes are timed where the mean lifetime lies between these, in units of the
+# impacts over which the attractor is watched; so many at each amplitude, in steps of a factor.
+LONGEST: Final = 4.0
+SHORTEST: Final = 0.25
+ESCAPES: Final = 48
+FACTOR: Final = math.sqrt(2.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Herd:
+    """
+    Trajectories that are on a chaotic attractor.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        The parameters.
+    states : ndarray of float, shape (LANES, 3)
+        Phase [rad], displacement and velocity [1].
+    region : ndarray of bool, shape (2, BOXES, BOXES)
+        Where their impacts were, with all neighbours: wall, speed, phase.
+    speed : float
+        Greatest speed of the boxes [1].
+
+    """
+
+    parameters: Parameters
+    states: FloatArray
+    region: npt.NDArray[np.bool_]
+    speed: float
+
+    def strays(self, impacts: npt.NDArray[np.void]) -> npt.NDArray[np.bool_]:
+        """Tell of rows of impacts which lie mostly outside the region."""
+        inside = self.region[_places(impacts, self.speed)]
+        inside &= np.abs(impacts['velocity']) < self.speed
+        return np.asarray(np.mean(inside, axis=1) < 0.5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Escape:
+    """
+    Trajectories of which one has left the attractor.
+
+    Attributes
+    ----------
+    states : ndarray of float, shape (LANES, 3)
+        As of a `Herd`.
+    captor : Orbit or None
+        The orbit on which it has settled; None where it rests or goes on elsewhere.
+
+    """
+
+    states: FloatArray
+    captor: Orbit | None
+
+
+@dataclasses.dataclass(frozen=True)
+class End:
+    """
+    Where a chaotic attractor ends.
+
+    Attributes
+    ----------
+    kind : str
+        window: a stable orbit is born and replaces it; crisis: trajectories escape from it.
+    alpha, uncertainty : float
+        Where, and how far off that can be [1].
+    captor : Orbit or None
+        What its trajectories settle on: of a window at its fold, of a crisis just beyond.
+    last : Herd
+        The last that did not escape.
+
+    """
+
+    kind: str
+    alpha: float
+    uncertainty: float
+    captor: Orbit | None
+    last: Herd
+
+
+def spread_out(parameters: Parameters, state: FloatArray) -> FloatArray:
+    """
+    Make states of many trajectories from one; chaos parts them.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The parameters.
+    state : ndarray of float, shape (3,)
+        Phase [rad], displacement and velocity [1].
+
+    Returns
+    -------
+    ndarray of float, shape (LANES, 3)
+        The states.
+
+    """
+    states = np.repeat(state[None], LANES, axis=0)
+    states[:, 2] *= 1.0 + 1e-6 * np.arange(LANES) / LANES
+    return states
+
+
+def watch(parameters: Parameters, states: FloatArray, hold: int,
+          before: Herd | None = None) -> Herd | Escape:
+    """
+    Watch whether trajectories stay on their attractor.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The parameters.
+    states : ndarray of float, shape (LANES, 3)
+        On the attractor.
+    hold : int
+        Impacts of each.
+    before : Herd, optional
+        The attractor a little before; where none is given, it is what they are seen on.
+
+    Returns
+    -------
+    Herd or Escape
+        They all stay, or the first that does not.
+
+    """
+    followers = Followers(make_starts(parameters, *states.T))
+    seen = []
+    rounds = max(ROUNDS, -(-hold // ROUND))
+    for _ in range(rounds):
+        ensemble = followers.run(parameters, Window(1, ROUND - 1, bins=1))
+        for captor in _captors(ensemble).values():
+            return Escape(followers.states(), captor)
+        seen.append(ensemble.last)
+    # Outside for a while is a burst; who does not come back has left.
+    away = np.zeros(LANES, bool) if before is None else before.strays(seen[-1])
+    for _ in range(rounds):
+        if before is None or not away.any():
+            # The first impacts are still on their way from where the attractor was.
+            impacts = np.concatenate(seen[1:])
+            speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
+            region = np.zeros((2, BOXES, BOXES), bool)
+            region[_places(impacts, speed)] = True
+            return Herd(parameters, followers.states(), dilated(region), speed)
+        ensemble = followers.run(parameters, Window(1, ROUND - 1, bins=1))
+        for captor in _captors(ensemble).values():
+            return Escape(followers.states(), captor)
+        seen.append(ensemble.last)
+        away &= before.strays(ensemble.last)
+    return Escape(followers.states(), None)
+
+
+def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance: float,
+             hold: int) -> End | None:
+    """
+    Follow a chaotic attractor to its end.
+
+    Parameters
+    ----------
+    herd : Herd
+        On it.
+    direction : float
+        Sign of the steps in alpha.
+    width : float
+        The first step, and the longest [1].
+    edge : float
+        How far it is followed in alpha [1].
+    tolerance : float
+        The shortest step [1].
+    hold : int
+        An attractor lasts where `LANES` trajectories stay for so many impacts.
+
+    Returns
+    -------
+    End or None
+        None where it does not end, or goes on as an orbit whose doublings lead up to it.
+
+    """
+    low, step, captor = herd.parameters.alpha, width, None
+    while step >= tolerance:
+        left = direction * (edge - low)
+        if left < tolerance:
+            return None
+        alpha = low + direction * min(step, left)
+        trial = watch(_at(herd, alpha), herd.states, hold, herd)
+        if isinstance(trial, Herd):
+            herd, low = trial, alpha
+            continue
+        captor = trial.captor
+        branch = None if captor is None else follow(
+            captor, -direction, min(low, alpha), max(low, alpha), to_first_turn=True)
+        if branch is not None and branch.turns and direction * (branch.turns[0].alpha - low) > 0.0:
+            # The orbit was born on the way.
+            turn = branch.turns[0]
+            if turn.change in (Change.DOUBLING, Change.PITCHFORK):
+                return None
+            if step < width:
+                # In a window that is narrower than a column the attractor only rests.
+                herd = dataclasses.replace(herd, states=trial.states)
+                low = alpha
+                continue
+            before = watch(_at(herd, turn.alpha - direction * tolerance), herd.states, hold, herd)
+            if isinstance(before, Herd):
+                after = watch(_at(herd, turn.alpha + direction * tolerance), before.states, hold,
+                              before)
+                if isinstance(after, Escape) and after.captor is not None:
+                    return End('window', turn.alpha, turn.uncertainty, turn.orbit, before)
+                herd, low = before, before.parameters.alpha
+                if isinstance(after, Herd):
+                    herd, low = after, after.parameters.alpha
+                    continue
+        step *= 0.5
+    return _crisis(herd, low, direction, step, captor, hold, width)
+
+
+def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | None,
+            hold: int, width: float) -> End:
+    # Long lifetimes hide the very place; the law by which they shorten beyond it tells.
+    high = 2.0 * step
+
+    def rate(distance: float, wanted: int) -> EscapeRate:
+        most = 2.0 * wanted * LONGEST * hold
+        return time_escapes(_at(herd, low + direction * distance), herd, wanted, most)
+
+    distance = high
+    while distance < width and rate(distance, ROUNDS).mean > SHORTEST * hold:
+        distance *= 2.0
+    measured: list[tuple[float, EscapeRate]] = []
+    while distance >= high and (not measured or measured[-1][1].mean < LONGEST * hold):
+        measured.append((distance, rate(distance, ESCAPES)))
+        distance /= FACTOR
+    law = None
+    some = [(d, k) for d, k in measured if k.escapes >= ROUNDS]
+    if len(some) >= 4:
+        law = fit_law([d for d, _ in some], [k.rate for _, k in some], [k.error for _, k in some])
+    elif len(measured) > 1:
+        # Too steep for a law, or too slow: no more is known than where escapes were seen.
+        return End('crisis', low, max(d for d, _ in measured), captor, herd)
+    if law is None:
+        return End('crisis', low + direction * step, step, captor, herd)
+    beyond = min(law.alpha_c, high)
+    uncertainty = max(law.alpha_c_error, step, law.alpha_c - beyond)
+    return End('crisis', low + direction * beyond, uncertainty, captor, herd)
+
+
+def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -> EscapeRate:
+    """
+    Measure how fast trajectories escape beyond the end of their attractor.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Beyond it.
+    herd : Herd
+        On the attractor just before.
+    wanted : int
+        Escapes after which it is enough.
+    most : float
+        Impacts of all trajectories together after which it is given up [1].
+
+    Returns
+    -------
+    EscapeRate
+        Of an exponential law, seen every `ROUND` impacts. Who has escaped begins anew as another;
+        what happens in the first round of each says nothing.
+
+    """
+    followers = Followers(make_starts(parameters, *herd.states.T))
+    counts = np.zeros(LANES, bool)
+    escapes = rounds = 0
+    while escapes < wanted and rounds * ROUND < most:
+        ensemble = followers.run(parameters, Window(1, ROUND - 1, bins=1))
+        gone = np.zeros(LANES, bool)
+        gone[list(_captors(ensemble))] = True
+        gone |= herd.strays(ensemble.last)
+        escapes += int(np.count_nonzero(gone & counts))
+        rounds += int(np.count_nonzero(counts))
+        counts = ~gone
+        if gone.any():
+            states = followers.states()
+            stay = np.flatnonzero(~gone)
+            pool = states[stay] if len(stay) else herd.states
+            states[gone] = pool[np.arange(np.count_nonzero(gone)) % len(pool)]
+            states[gone, 2] *= 1.0 + 1e-6 * np.arange(1, 1 + np.count_nonzero(gone)) / LANES
+            followers = Followers(make_starts(parameters, *states.T))
+    rate = -math.log1p(-escapes / (rounds + 1.0)) / ROUND
+    return EscapeRate(rate, rate / math.sqrt(max(1, escapes)), escapes, float(rounds * ROUND))
+
+
+def _at(herd: Herd, alpha: float) -> Parameters:
+    return dataclasses.replace(herd.parameters, alpha=min(max(alpha, 0.0), ALPHA_MAXIMUM))
+
+
+def _captors(ensemble: Ensemble) -> dict[int, Orbit | None]:
+    # Who is at rest (None), or on a stable orbit.
+    found: dict[int, Orbit | None] = {}
+    for i, impacts in enumerate(ensemble.last):
+        if ensemble.rests[i]:
+            found[i] = None
+        elif shortest_recurrence(impacts, KEPT // 2, RECURS):
+            orbit = orbit_of(impacts, ensemble.parameters)
+            if orbit is not None:
+                found[i] = orbit
+    return found
+
+
+def _places(impacts: npt.NDArray[np.void], speed: float
+            ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    rows = np.minimum(np.abs(impacts['velocity']) * (BOXES / speed), BOXES - 1).astype(np.int64)
+    columns = np.minimum(impacts['phase'] * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)
+    return np.signbit(impacts['velocity']).astype(np.int64), rows, columns
