@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from .closed_orbits import (
-    close_orbit,
     CLOSED,
     fire,
     FloatArray,
@@ -35,8 +34,9 @@ ROOT_STEPS: Final = 100
 ASIDE: Final = (1e-3, 3e-4, 1e-4, 3e-5)
 # Orbits that part at a change are told apart beyond this [rad, 1].
 APART: Final = 1e-6
-# A branch ends so near to where it was born, in alpha [1].
-NEAR: Final = 1e-4
+# Where a branch was born is first seen so well: in alpha, and as to the orbit it left [rad, 1].
+NEAR: Final = 1e-3
+MIDDLE: Final = 0.1
 
 
 class Change(enum.Enum):
@@ -268,7 +268,8 @@ def _tangent(point: _Point, ahead: FloatArray) -> FloatArray:
     return np.asarray(tangent / np.linalg.norm(tangent))
 
 
-def _correct(point: _Point, tangent: FloatArray, step: float) -> _Point | None:
+def _correct(point: _Point, tangent: FloatArray, step: float,
+             room: float = 0.0) -> _Point | None:
     # Back to the branch at right angles to the step; regular at a fold too (Keller 1977).
     predicted = point.vector + step * tangent
     vector = predicted
@@ -282,7 +283,7 @@ def _correct(point: _Point, tangent: FloatArray, step: float) -> _Point | None:
         except np.linalg.LinAlgError:
             return None
         vector = vector - change
-        if np.max(np.abs(vector - predicted)) > STRAY * step + 1e3 * CLOSED:
+        if np.max(np.abs(vector - predicted)) > STRAY * step + room + 1e3 * CLOSED:
             return None
         if np.max(np.abs(change)) < CLOSED:
             return point.at(vector)
@@ -304,12 +305,17 @@ def _birth(turn: Turn) -> Turn:
     orbit, half = turn.orbit, turn.orbit.impacts // 2
     ahead = np.roll(orbit.points, -half, axis=0)
     image = ahead * (1.0, -1.0) - (math.pi, 0.0)
-    for other, walls in ((ahead, orbit.walls[:half]), (image, orbit.walls)):
+    at_alpha = np.append(np.zeros(orbit.points.size), 1.0)
+    for other, length in ((ahead, half), (image, 2 * half)):
         apart = other - orbit.points
         apart[:, 0] -= TWO_PI * np.round(apart[:, 0] / TWO_PI)
-        parent = close_orbit(walls, (orbit.points + 0.5 * apart)[:len(walls)], orbit.parameters)
-        for direction in (1.0, -1.0) if parent is not None else ():
-            assert parent is not None
+        guess = _Point(orbit.walls[:length], (orbit.points + 0.5 * apart)[:length],
+                       orbit.parameters, other is image)
+        reached = _correct(guess, at_alpha[-2 * length - 1:], 0.0, MIDDLE)
+        parent = None if reached is None else reached.orbit
+        if parent is None or other is image and not is_own_image(parent):
+            continue
+        for direction in (1.0, -1.0):
             branch = follow(parent, direction, turn.alpha - NEAR, turn.alpha + NEAR,
                             to_first_turn=True)
             for found in branch.turns:

@@ -310,8 +310,6 @@ def _end_of_run(diagram: Diagram, store: Store, columns: list[int], slots: list[
                 direction: float, tolerance: float, hold: int) -> End | None:
     edge = diagram.alphas[1] if direction > 0.0 else diagram.alphas[0]
     width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
-    if abs(float(diagram.values[columns[-1 if direction > 0.0 else 0]]) - edge) < 0.5 * width:
-        return None
     states = _read(diagram, store, 'impact_state')
     # What is called chaotic may be a long transient at the end of the run, or all along it.
     for i in sorted(range(len(columns)), key=lambda i: -direction * columns[i]):
