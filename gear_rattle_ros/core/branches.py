@@ -21,6 +21,7 @@ from .closed_orbits import (
 )
 from .elementary import TWO_PI
 from .model import ALPHA_MAXIMUM, Parameters
+from .section import turn as turned
 
 FIRST_STEP: Final = 2e-3
 SHORTEST_STEP: Final = 1e-10
@@ -171,12 +172,12 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: 
                                   orbits[-1]))
             break
         following = _tangent(reached, tangent)
-        turned = tangent[-1] * following[-1] < 0.0
+        folds = tangent[-1] * following[-1] < 0.0
         ends = tangent, step, orbits[-1], found, following
         # A multiplier is +1 at a fold as well. Where it is so alone, a branch leaves; where alpha
         # turns round alone, this one was born from another.
         one = _passes(orbits[-1], found, 1.0)
-        if turned:
+        if folds:
             fold = _locate(Change.FOLD, here, *ends)
             turns.append(fold if one else _birth(fold))
         elif one:
@@ -211,14 +212,13 @@ def leaving(turn: Turn) -> list[Orbit]:
     turns = 2 if turn.change is Change.DOUBLING else 1
     shot = fire(old.walls, old.points, old.parameters)
     assert shot is not None
-    values, vectors = np.linalg.eig(shot.derivative)
+    values, vectors = np.linalg.eig(shot.derivative())
     nearest = int(np.argmin(np.abs(values - (1.0 if turns == 1 else -1.0))))
     aside, moved = np.real(vectors[:, nearest]), []
     q = old.impacts
     for k in range(turns * q):
         moved.append(aside)
-        block = shot.jacobian[2 * (k % q):2 * (k % q) + 2, 2 * (k % q):2 * (k % q) + 2]
-        aside = (block + np.eye(2) if q == 1 else block) @ aside
+        aside = shot.blocks[k % q] @ aside
     tangent = np.append(np.ravel(moved), 0.0)
     tangent /= np.linalg.norm(tangent)
     there = _Point(np.tile(old.walls, turns), np.tile(old.points, (turns, 1)), old.parameters)
@@ -308,7 +308,7 @@ def _birth(turn: Turn) -> Turn:
     at_alpha = np.append(np.zeros(orbit.points.size), 1.0)
     for other, length in ((ahead, half), (image, 2 * half)):
         apart = other - orbit.points
-        apart[:, 0] -= TWO_PI * np.round(apart[:, 0] / TWO_PI)
+        apart[:, 0] = turned(apart[:, 0])
         guess = _Point(orbit.walls[:length], (orbit.points + 0.5 * apart)[:length],
                        orbit.parameters, other is image)
         reached = _correct(guess, at_alpha[-2 * length - 1:], 0.0, MIDDLE)

@@ -1,6 +1,5 @@
-"""Chaotic attractors as sets of occupied boxes of the section."""
+"""Chaotic sets: where trajectories move that settle on no orbit, as boxes of the section."""
 
-from collections.abc import Sequence
 import dataclasses
 import math
 from typing import Final
@@ -9,41 +8,70 @@ import numpy as np
 import numpy.typing as npt
 
 from .classify import BOXES, cell_of, RecordArray
+from .closed_orbits import close_near, Orbit
 from .compiled import kernel
 from .elementary import TWO_PI
 from .lyapunov import LyapunovReport, RunningLyapunov
-from .model import Parameters, State
-from .periodic import name_near
-from .recorded import record_impacts
+from .model import EventArray, Parameters, State
+from .recorded import record_impacts, starts_after
+from .section import distances, shortest_recurrence
 from .simulation import Simulation
-from .table import dilated
 
-# Trajectories from which the boxes are filled, and impacts of each.
-TRACED: Final = 96
-LENGTH: Final = 24_000
-# Trajectories that have so much of their boxes in common are on the same attractor.
+# Trajectories that have so much of their boxes in common are on the same set.
 OVERLAP: Final = 0.5
-# Impacts over which exponents are averaged.
-AVERAGED: Final = 200_000
-# Pieces are counted on boxes so many times larger, and those with less of the impacts than this
-# are dust of the sampling.
-COARSER: Final = 2
-DUST: Final = 1e-2
-# The orbit that names an attractor: trajectories that are searched, its longest period, how near
-# impacts must recur, and how near others are taken to lead to the same; the orbits that are tried
-# for a period, and the share of impacts that come near to one that counts.
-NAMED: Final = 24
+# The orbit that names a set: its longest period, how near impacts must recur, and how near others
+# are taken to lead to the same; the orbits that are tried for a period, the trajectories that are
+# searched, and the share of impacts that come near to an orbit that counts.
 LONGEST: Final = 64
 RECURS: Final = 0.02
 ALIKE: Final = 0.01
 TRIED: Final = 60
+NAMED: Final = 8
 VISITED: Final = 1e-4
+UNNAMED: Final = 'none'
+# Pieces are told apart on so many boxes along an edge; at most so many are counted.
+FINE: Final = 4096
+PIECES_MOST: Final = 64
 # Boxes reach so much beyond the fastest impact.
 ROOM: Final = 1.02
 
 
 @dataclasses.dataclass(frozen=True)
-class BoxSet:
+class Effort:
+    """
+    How long trajectories are looked at in a search.
+
+    Attributes
+    ----------
+    stages : tuple
+        Impacts after which orbits are looked for, impacts that are then looked at, and the
+        longest period [impacts].
+    length : int
+        Impacts of each trajectory from which boxes are filled, at least.
+    coarser : int
+        Boxes are filled in blocks of so many along an edge: few impacts fill larger ones.
+    averaged : int
+        Impacts over which exponents are averaged and pieces counted.
+
+    """
+
+    stages: tuple[tuple[int, int, int], ...]
+    length: int
+    coarser: int
+    averaged: int
+
+
+# The first look: a tenth of a second for some hundred initial conditions.
+GLANCE: Final = (300, 200, 64)
+THOROUGH: Final = Effort((GLANCE, (2_000, 200, 64), (10_000, 200, 64), (30_000, 1_600, 512)),
+                         24_000, 1, 200_000)
+BRIEF: Final = Effort((GLANCE, (2_000, 1_600, 512)), 2_000, 8, 20_000)
+# One of many amplitudes.
+SWEEP: Final = Effort((GLANCE, (3_000, 600, 256)), 2_000, 8, 8_000)
+
+
+@dataclasses.dataclass(frozen=True)
+class ChaoticSet:
     """
     A set on which trajectories stay, by its boxes.
 
@@ -51,35 +79,42 @@ class BoxSet:
     ----------
     boxes : ndarray of bool, shape (2, BOXES, BOXES)
         Wall, speed, phase.
-    members : tuple of int
-        Numbers of the trajectories that fill it.
+    speed : float
+        Greatest speed of the boxes [1].
+    states : ndarray of START, shape (n,)
+        Where trajectories on it stand, after the impacts that fill the boxes.
+    impacts : int
+        All of these impacts.
+    recurs : ndarray of bool, shape (n,)
+        Which of these trajectories have come to recur: they have left for an orbit.
     pieces : int
-        Connected parts, with phase as a circle.
+        Parts that are visited in turn: the greatest k for which impacts n, n + k, n + 2 k, ... on
+        one wall (the upper, if it is touched) never come where those from n + 1 on do.
     orbit : str
-        Name of the shortest periodic orbit on it, which repels.
+        Name of the shortest periodic orbit in it, which repels; averages over the set are known
+        with an error and fall on both sides of any rounding, an orbit is exact.
     exponents : LyapunovReport
         Of its first trajectory.
 
     """
 
     boxes: npt.NDArray[np.bool_]
-    members: tuple[int, ...]
+    speed: float
+    states: RecordArray
+    impacts: int
+    recurs: npt.NDArray[np.bool_]
     pieces: int
     orbit: str
     exponents: LyapunovReport
 
     @property
     def key(self) -> str:
-        """
-        Name of its own: the shortest periodic orbit on it.
-
-        Averages over the attractor are known with an error and fall on both sides of any
-        rounding; an orbit is exact.
-        """
+        """Name as an attractor."""
         return f'chaotic-{self.orbit}'
 
 
-def box_sets(parameters: Parameters, starts: RecordArray) -> tuple[list[BoxSet], float]:
+def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
+                 tolerance: float) -> list[ChaoticSet]:
     """
     Find the sets on which trajectories move.
 
@@ -88,58 +123,65 @@ def box_sets(parameters: Parameters, starts: RecordArray) -> tuple[list[BoxSet],
     parameters : Parameters
         Of the trajectories.
     starts : ndarray of START, shape (n,)
-        States of trajectories that are past their transients; the first of them are traced.
+        States of trajectories that are past their transients.
+    length : int
+        Impacts for which each is followed.
+    effort : Effort
+        How closely the sets are looked at.
+    tolerance : float
+        Largest distance of recurring impacts [1].
 
     Returns
     -------
-    tuple
-        The sets, disjoint, and the greatest speed of their boxes [1].
+    list of ChaoticSet
+        In the order of their names; no two have the same.
 
     """
-    traced = starts[:TRACED]
-    first, _ = record_impacts(traced, 0, 2000)
-    speed = ROOM * float(np.max(np.abs(first['velocity'])))
-    counts = np.zeros((len(traced), 2 * BOXES * BOXES), np.uint16)
-    rows, made = record_impacts(traced, 0, LENGTH)
-    for number in range(len(traced)):
-        row = rows[number, :made[number]]
-        count_boxes(row, speed, counts[number])
+    rows, made = record_impacts(starts, 0, length)
+    rows = rows[made == length]
+    if not len(rows):
+        return []
+    speed = ROOM * float(np.max(np.abs(rows['velocity'])))
+    edge = BOXES // effort.coarser
+    hit = np.zeros((len(rows), 2, edge, edge), np.bool_)
+    for row, boxes in zip(rows, hit, strict=True):
+        mark_boxes(row, speed, boxes.reshape(-1), edge)
+    # What settles on an orbit recurs at the end, whether that orbit is known or not.
+    _, look, longest = effort.stages[-1]
+    recurs = np.array([shortest_recurrence(row[-look:], longest, tolerance) > 0 for row in rows])
+    named: dict[str, list[int]] = {}
+    for members in _grouped(hit):
+        name = shortest_orbit(parameters, rows[members[:NAMED]])
+        # An orbit belongs to one set: groups of one name are one.
+        name = f'{name}-{len(named)}' if name == UNNAMED and name in named else name
+        named.setdefault(name, []).extend(members)
     sets = []
-    for members in _grouped(counts > 0):
-        total = counts[members].sum(axis=0, dtype=np.int64).reshape(2, BOXES, BOXES)
-        full = [rows[number] for number in members if made[number] == LENGTH]
-        sets.append(BoxSet(
-            total > 0, tuple(members), count_pieces(total), shortest_orbit(parameters, full),
-            exponents_of(parameters, traced[members[0]])))
-    return sets, speed
+    for name in sorted(named):
+        members = sorted(named[name])
+        last = rows[members, -1]
+        states = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
+                              last['velocity'])
+        boxes = hit[members].any(axis=0).repeat(effort.coarser, 1).repeat(effort.coarser, 2)
+        exponents, pieces = averages(parameters, states[0], effort.averaged)
+        sets.append(ChaoticSet(boxes, speed, states, len(members) * length, recurs[members],
+                               pieces, name, exponents))
+    return sets
 
 
 @kernel
-def count_boxes(row, speed, counts):  # type: ignore[no-untyped-def]
-    """
-    Count impacts in boxes.
-
-    Parameters
-    ----------
-    row : ndarray of IMPACT, shape (m,)
-        The impacts; those faster than the boxes are passed over, as they are in `classify`.
-    speed : float
-        Greatest speed of the boxes [1].
-    counts : ndarray of int, shape (2 * BOXES * BOXES,)
-        Added to.
-
-    """
+def mark_boxes(row, speed, boxes, edge):  # type: ignore[no-untyped-def]
+    """Mark the boxes (edge by edge on each wall) that impacts hit, as `classify` numbers them."""
     for k in range(len(row)):
         velocity = row[k].velocity
-        side = 1 if math.copysign(1.0, velocity) < 0.0 else 0
-        box = cell_of(side, row[k].phase, abs(velocity), speed, BOXES)
+        wall = 1 if math.copysign(1.0, velocity) < 0.0 else 0
+        box = cell_of(wall, row[k].phase, abs(velocity), speed, edge)
         if box >= 0:
-            counts[box] += 1
+            boxes[box] = True
 
 
-def shortest_orbit(parameters: Parameters, rows: Sequence[RecordArray]) -> str:
+def shortest_orbit(parameters: Parameters, impacts: RecordArray) -> str:
     """
-    Name the shortest periodic orbit on a chaotic attractor.
+    Name the shortest periodic orbit in a chaotic set.
 
     Of those with the fewest impacts that trajectories often come near to, it is the first by
     drive periods, wall and phase: nothing of that depends on the trajectories.
@@ -148,72 +190,47 @@ def shortest_orbit(parameters: Parameters, rows: Sequence[RecordArray]) -> str:
     ----------
     parameters : Parameters
         Of the trajectories.
-    rows : sequence of ndarray of IMPACT, shape (m,)
-        Long trajectories on the attractor.
+    impacts : ndarray of IMPACT, shape (n, m)
+        Long trajectories in the set.
 
     Returns
     -------
     str
-        Its name; 'none' where no orbit up to `LONGEST` impacts is seen.
+        Its name; `UNNAMED` where no orbit up to `LONGEST` impacts is seen.
 
     """
-    if not rows:
-        return 'none'
-    impacts = np.stack(rows[:NAMED])
     for q in range(1, LONGEST + 1):
         early, late = impacts[:, :-q].ravel(), impacts[:, q:].ravel()
-        apart = np.where(
-            (np.signbit(early['velocity']) == np.signbit(late['velocity']))
-            & (late['cycle'] > early['cycle']), distance(early, late['phase'], late['velocity']),
-            np.inf)
+        apart = np.where(late['cycle'] > early['cycle'], distances(
+            early['velocity'], early['phase'], late['velocity'], late['phase']), np.inf)
         near = np.flatnonzero(apart < RECURS)
         near = near[np.argsort(apart[near], kind='stable')]
-        found: dict[str, tuple[int, int, float]] = {}
+        found: list[Orbit] = []
         for _ in range(TRIED):
             if not len(near):
                 break
-            impact = early[near[0]]
-            named = name_near(parameters, impact, q)
-            gone = distance(early[near], impact['phase'], impact['velocity']) < ALIKE
-            if named is not None:
-                name, sides, phases, velocities = named
-                for phase, velocity in zip(phases, velocities, strict=True):
-                    gone |= distance(early[near], phase, velocity) < ALIKE
-                visits = int(np.sum(distance(early, phases[0], velocities[0]) < ALIKE))
+            row, first = divmod(int(near[0]), impacts.shape[1] - q)
+            orbit = close_near(parameters, impacts[row, first:first + q])
+            seen = [(early['velocity'][near[0]], early['phase'][near[0]])]
+            if orbit is not None and orbit.impacts == q:
+                seen += [(velocity, phase) for phase, velocity in orbit.points]
+                phase, velocity = orbit.points[0]
+                visits = np.count_nonzero(distances(
+                    early['velocity'], early['phase'], velocity, phase) < ALIKE)
                 if visits > VISITED * len(early):
-                    found[name] = int(name.split('-')[1]), int(sides[0]), float(phases[0])
-            near = near[~gone]
+                    found.append(orbit.canonical())
+            for velocity, phase in seen:
+                near = near[distances(early['velocity'][near], early['phase'][near], velocity,
+                                      phase) >= ALIKE]
         if found:
-            return min(found, key=lambda name: found[name])
-    return 'none'
+            return min(found, key=lambda orbit: (
+                orbit.drive_periods, orbit.walls[0], orbit.phases[0])).name
+    return UNNAMED
 
 
-def distance(impacts: RecordArray, phase: npt.ArrayLike, velocity: npt.ArrayLike
-             ) -> npt.NDArray[np.float64]:
+def averages(parameters: Parameters, start: np.void, impacts: int) -> tuple[LyapunovReport, int]:
     """
-    Compare impacts with points of the section.
-
-    Parameters
-    ----------
-    impacts : ndarray of IMPACT, shape (n,)
-        The impacts.
-    phase, velocity : array_like
-        The points [rad, 1]; velocities differ in sign at different walls.
-
-    Returns
-    -------
-    ndarray of float
-        Largest difference in phase, around the circle, and velocity [1].
-
-    """
-    turn = np.abs(impacts['phase'] - phase)
-    return np.maximum(np.minimum(turn, TWO_PI - turn), np.abs(impacts['velocity'] - velocity))
-
-
-def exponents_of(parameters: Parameters, start: np.void, impacts: int = AVERAGED
-                 ) -> LyapunovReport:
-    """
-    Average exponents along one trajectory.
+    Average exponents along one trajectory, and count the pieces that it visits in turn.
 
     Parameters
     ----------
@@ -228,64 +245,52 @@ def exponents_of(parameters: Parameters, start: np.void, impacts: int = AVERAGED
     -------
     LyapunovReport
         Exponents per impact with standard errors.
+    int
+        The pieces.
 
     """
     simulation = Simulation(parameters, State(
         0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
     running = RunningLyapunov()
+    batches = []
     while simulation.impacts < impacts and not simulation.is_resting_for_ever:
         cycle, _ = simulation.moment
-        running.update(simulation.advance(cycle + impacts, 0.0, 20_000))
-    return running.report()
+        batches.append(simulation.advance(cycle + impacts, 0.0, 20_000))
+        running.update(batches[-1])
+    return running.report(), count_pieces(np.concatenate(batches))
 
 
-def count_pieces(counts: npt.NDArray[np.int64]) -> int:
+def count_pieces(events: EventArray) -> int:
     """
-    Count the connected parts of a set of boxes.
+    Count the parts of a set that a trajectory visits in turn; see `ChaoticSet`.
 
     Parameters
     ----------
-    counts : ndarray of int, shape (2, BOXES, BOXES)
-        Impacts in each.
+    events : ndarray of EVENT, shape (n,)
+        A long trajectory in the set.
 
     Returns
     -------
     int
-        Parts that have their share of impacts; boxes with at most one empty between them are
-        connected.
+        At least 1.
 
     """
-    edge = BOXES // COARSER
-    counts = counts.reshape(2, edge, COARSER, edge, COARSER).sum(axis=(2, 4))
-    boxes = dilated(counts > 0)
-    left = boxes.copy()
-    total = int(counts.sum())
-    pieces = 0
-    while left.any():
-        seed = np.unravel_index(int(np.argmax(left)), left.shape)
-        part = _flooded(boxes, seed)
-        left &= ~part
-        pieces += int(counts[part].sum()) >= DUST * total
-    return pieces
+    impacts = events[events['velocity'] != 0.0]
+    upper = impacts['velocity'] > 0.0
+    impacts = impacts[upper if upper.any() else ~upper]
+    speed = np.abs(impacts['velocity'])
+    row = (speed * (FINE / (ROOM * float(np.max(speed))))).astype(np.int64)
+    box = row * FINE + (impacts['phase'] * (FINE / TWO_PI)).astype(np.int64)
+    order = np.argsort(box, kind='stable')
+    same = box[order[1:]] == box[order[:-1]]
+    first, second = order[:-1][same], order[1:][same]
+    return max(k for k in range(1, PIECES_MOST + 1)
+               if k == 1 or not np.any((second - first) % k))
 
 
-def _flooded(boxes: npt.NDArray[np.bool_], seed: tuple[np.intp, ...]) -> npt.NDArray[np.bool_]:
-    part = np.zeros_like(boxes)
-    part[seed] = True
-    waiting = [tuple(int(n) for n in seed)]
-    while waiting:
-        side, row, column = waiting.pop()
-        for r in range(max(row - 1, 0), min(row + 2, boxes.shape[1])):
-            for c in (column - 1, column, (column + 1) % boxes.shape[2]):
-                if boxes[side, r, c] and not part[side, r, c]:
-                    part[side, r, c] = True
-                    waiting.append((side, r, c % boxes.shape[2]))
-    return part
-
-
-def _grouped(occupied: npt.NDArray[np.bool_]) -> list[list[int]]:
+def _grouped(hit: npt.NDArray[np.bool_]) -> list[list[int]]:
     groups: list[tuple[list[int], npt.NDArray[np.bool_]]] = []
-    for number, boxes in enumerate(occupied):
+    for number, boxes in enumerate(hit):
         for members, filled in groups:
             common = int(np.count_nonzero(filled & boxes))
             if common > OVERLAP * min(np.count_nonzero(filled), np.count_nonzero(boxes)):

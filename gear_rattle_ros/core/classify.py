@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from .compiled import kernel
 from .elementary import sine_cosine, TWO_PI
-from .flight import elapsed, is_pressed
+from .flight import elapsed, is_pressed, LOWER, UPPER
 from .lanes import advance, EMPTY, FLOATS, refill, release, RESTS
 from .lanes_step import LANES
 from .model import STICKING_SPEED
+from .section import distance
 
 # Labels that are no number of an attractor of the table.
 UNRESOLVED: Final = -1
@@ -39,7 +40,7 @@ BOXES: Final = 512
 # the neighbourhood which the orbit attracts for certain.
 POINT: Final = np.dtype(
     [
-        ('side', np.int64),
+        ('wall', np.int64),
         ('phase', np.float64),
         ('velocity', np.float64),
         ('flight_time', np.float64),
@@ -54,8 +55,9 @@ ENTRY: Final = np.dtype([('point', np.int64), ('following', np.int64)], align=Tr
 SETTINGS: Final = np.dtype(
     [
         ('tolerance', np.float64),
-        # Largest speed of the cells.
+        # Greatest speed of the cells, and of the boxes of chaotic attractors.
         ('speed', np.float64),
+        ('box_speed', np.float64),
         # Impacts in the cells of a chaotic attractor after which a trajectory has settled.
         ('stay', np.int64),
         # Attractor that sticks to the upper, to the lower wall; EMPTY for none.
@@ -122,14 +124,14 @@ class Table(NamedTuple):
 
 
 @kernel
-def cell_of(side, phase, speed, greatest, cells):  # type: ignore[no-untyped-def]
+def cell_of(wall, phase, speed, greatest, cells):  # type: ignore[no-untyped-def]
     """
     Find the cell of a point of the section.
 
     Parameters
     ----------
-    side : int
-        0 at the upper wall, 1 at the lower.
+    wall : int
+        Which.
     phase, speed, greatest : float
         Phase in [0, 2 pi) [rad], speed and the greatest speed of the cells [1].
     cells : int
@@ -145,35 +147,13 @@ def cell_of(side, phase, speed, greatest, cells):  # type: ignore[no-untyped-def
     if not 0 <= row < cells:
         return -1
     column = min(int(phase * (cells / TWO_PI)), cells - 1)
-    return (side * cells + row) * cells + column
+    return (wall * cells + row) * cells + column
 
 
 @kernel
-def is_near(point, side, phase, velocity, flight_time, tolerance):  # type: ignore[no-untyped-def]
-    """
-    Tell whether an impact is within the tolerance of a point of an orbit.
-
-    Parameters
-    ----------
-    point : POINT record
-        The point.
-    side : int
-        The wall, 0 or 1.
-    phase, velocity, flight_time : float
-        The impact [rad, 1, 1]; a flight time of nan is not compared.
-    tolerance : float
-        Largest difference [1].
-
-    Returns
-    -------
-    bool
-        Whether it is.
-
-    """
-    if point.side != side or abs(velocity - point.velocity) > tolerance:
-        return False
-    turn = abs(phase - point.phase)
-    return (min(turn, TWO_PI - turn) <= tolerance
+def is_near(point, phase, velocity, flight_time, tolerance):  # type: ignore[no-untyped-def]
+    """Whether an impact is within the tolerance of a point; a flight time of nan may be any."""
+    return (distance(velocity, phase, point.velocity, point.phase) <= tolerance
             and not abs(flight_time - point.flight_time) > tolerance)
 
 
@@ -231,7 +211,7 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
     tolerance = settings.tolerance
     phase = impact.phase
     velocity = impact.velocity
-    side = 1 if math.copysign(1.0, velocity) < 0.0 else 0
+    wall = LOWER if math.copysign(1.0, velocity) < 0.0 else UPPER
     first = w.impacts == 0
     flight_time = math.nan if first else elapsed(impact.cycle - w.cycle, w.phase, phase)
     w.impacts += 1
@@ -242,11 +222,11 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
     w.point = EMPTY
     if expected != EMPTY:
         point = table.points[expected]
-        if is_near(point, side, phase, velocity, flight_time, tolerance):
+        if is_near(point, phase, velocity, flight_time, tolerance):
             if is_caught(point, phase, velocity):
                 return point.attractor, w.since
             w.point = point.following
-    cell = cell_of(side, phase, abs(velocity), settings.speed, CELLS)
+    cell = cell_of(wall, phase, abs(velocity), settings.speed, CELLS)
     if cell >= 0:
         nearest = math.inf
         entry = table.heads[cell]
@@ -255,24 +235,24 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
             entry = table.entries[entry].following
             point = table.points[number]
             if number == expected or not is_near(
-                    point, side, phase, velocity, flight_time, tolerance):
+                    point, phase, velocity, flight_time, tolerance):
                 continue
             if is_caught(point, phase, velocity):
                 # Out of step on the same orbit, it has still been near it.
                 same = w.point != EMPTY and table.points[w.point].attractor == point.attractor
                 return point.attractor, w.since if same else n
             if w.point == EMPTY or nearest < math.inf:
-                distance = max(abs(velocity - point.velocity), abs(phase - point.phase))
-                if distance < nearest:
-                    nearest = distance
+                apart = distance(velocity, phase, point.velocity, point.phase)
+                if apart < nearest:
+                    nearest = apart
                     w.point = point.following
                     w.since = n
-    if settings.sticks[side] != EMPTY and abs(start.restitution * velocity) < STICKING_SPEED:
+    if settings.sticks[wall] != EMPTY and abs(start.restitution * velocity) < STICKING_SPEED:
         sine, cosine = sine_cosine(phase)
-        if is_pressed(1.0 - 2.0 * side, sine, cosine, start.alpha, start.beta, start.gamma):
-            return settings.sticks[side], n
+        if is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma):
+            return settings.sticks[wall], n
     if len(table.boxes) > 0:
-        box = cell_of(side, phase, abs(velocity), settings.speed, BOXES)
+        box = cell_of(wall, phase, abs(velocity), settings.box_speed, BOXES)
         inside = table.boxes[box] if box >= 0 else EMPTY
         if inside != w.box:
             w.box = inside

@@ -1,6 +1,7 @@
-"""Periodic orbits as zeros of the impact map, and their multipliers."""
+"""Periodic orbits, stable or not: closed by Newton's method, described, named."""
 
 import dataclasses
+import functools
 import math
 from typing import Final
 
@@ -8,18 +9,26 @@ import numpy as np
 import numpy.typing as npt
 
 from .elementary import TWO_PI
+from .flight import NO_WALL
 from .impact_map import shoot
 from .model import Parameters
+from .section import distances
 
-# Defects below this are rounding [1].
+# Defects below this are rounding [1]; steps that get no smaller below it are, too.
 CLOSED: Final = 1e-12
+ROUNDING: Final = 1e-11
 # Points nearer than this are one [rad, 1].
-REPEATS: Final = 1e-9
-NEWTON_STEPS: Final = 25
-# A step longer than this has left the orbit [1].
-LONGEST_STEP: Final = 0.5
+REPEATS: Final = 1e-7
+NEWTON_STEPS: Final = 40
+# A point that moves further than this has left the orbit [1].
+REACH: Final = 0.5
+# Impacts that nearly recur are so near to the orbit that they belong to [1].
+NEAR: Final = 0.05
+# A multiplier this near to the unit circle is not told from it.
+NEUTRAL: Final = 1e-9
 
 FloatArray = npt.NDArray[np.float64]
+RecordArray = npt.NDArray[np.void]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,23 +39,33 @@ class Orbit:
     Attributes
     ----------
     parameters : Parameters
-        The parameters.
+        Of the model.
     walls : ndarray of int, shape (q,)
-        Walls of its impacts in order, as `Wall`.
+        `Wall` of each impact in order.
     points : ndarray of float, shape (q, 2)
         Phase and velocity just before each impact [rad, 1].
+    flight_times : ndarray of float, shape (q,)
+        Time since the impact before [1].
     drive_periods : int
         Period [drive periods].
     multipliers : ndarray of complex, shape (2,)
-        Eigenvalues of the derivative of one period [1], the larger first.
+        Eigenvalues of the derivative of one period [1], the larger first; zeros where it sticks.
+    sticks : int
+        The wall to which it sticks for a while, NO_WALL if it does not.
+    forms : ndarray of float, shape (q, 3), or None
+        Quadratic form of (phase, velocity) at each point, at most 1 in a neighbourhood that the
+        orbit attracts for certain, inf where none is known; None where none was sought.
 
     """
 
     parameters: Parameters
     walls: npt.NDArray[np.int64]
     points: FloatArray
+    flight_times: FloatArray
     drive_periods: int
     multipliers: npt.NDArray[np.complex128]
+    sticks: int = NO_WALL
+    forms: FloatArray | None = None
 
     @property
     def impacts(self) -> int:
@@ -54,9 +73,59 @@ class Orbit:
         return len(self.walls)
 
     @property
+    def phases(self) -> FloatArray:
+        """Drive phase of each impact [rad]."""
+        return self.points[:, 0]
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Velocity just before each impact [1]."""
+        return self.points[:, 1]
+
+    @property
     def is_stable(self) -> bool:
         """Whether both multipliers lie inside the unit circle."""
-        return bool(np.max(np.abs(self.multipliers)) < 1.0)
+        return bool(np.max(np.abs(self.multipliers)) < 1.0 - NEUTRAL)
+
+    @property
+    def exponents(self) -> tuple[float, float]:
+        """Lyapunov exponents per impact [1], from the multipliers."""
+        first, second = (math.log(m) / self.impacts if m > 0.0 else -math.inf
+                         for m in np.abs(self.multipliers).tolist())
+        return first, second
+
+    @property
+    def exact_sum(self) -> float:
+        """What the exponents add up to: ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
+        if self.sticks != NO_WALL or not self.parameters.restitution:
+            return -math.inf
+        return (2.0 * math.log(self.parameters.restitution)
+                - self.parameters.beta * TWO_PI * self.drive_periods / self.impacts)
+
+    @property
+    def name(self) -> str:
+        """Impacts and drive periods of one period, and the point of least (wall, phase)."""
+        least = self._least
+        phase, velocity = self.points[least]
+        return (f'{self.impacts}-{self.drive_periods}-{"UL"[self.walls[least]]}{phase:.4f}'
+                f'{velocity:+.4f}')
+
+    @property
+    def key(self) -> str:
+        """Name as an attractor; a point is known far better than it is written."""
+        return f'orbit-{self.name}'
+
+    @property
+    def _least(self) -> int:
+        return min(range(self.impacts), key=lambda k: (self.walls[k], self.points[k, 0]))
+
+    def canonical(self) -> 'Orbit':
+        """Return the orbit beginning with its point of least (wall, phase)."""
+        order = (self._least + np.arange(self.impacts)) % self.impacts
+        return dataclasses.replace(
+            self, walls=self.walls[order], points=self.points[order],
+            flight_times=self.flight_times[order],
+            forms=None if self.forms is None else self.forms[order])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,23 +139,27 @@ class Shot:
         What is missing to a periodic orbit [rad, 1].
     jacobian : ndarray of float, shape (2 q, 2 q + 1)
         Its derivatives by the points, and in the last column by alpha.
-    time : float
-        Sum of the flight times [1].
+    times : ndarray of float, shape (q,)
+        Flight time from each impact to the next [1].
 
     """
 
     defects: FloatArray
     jacobian: FloatArray
-    time: float
+    times: FloatArray
 
-    @property
-    def derivative(self) -> FloatArray:
-        """Return the derivative of the whole round, shape (2, 2)."""
-        q = len(self.defects) // 2
+    @functools.cached_property
+    def blocks(self) -> FloatArray:
+        """Derivative of each impact by the one before, shape (q, 2, 2)."""
+        q = len(self.times)
+        blocks = np.stack([self.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2] for k in range(q)])
+        return blocks + np.eye(2) if q == 1 else blocks
+
+    def derivative(self, first: int = 0) -> FloatArray:
+        """Return the derivative of the whole round from one of its points, shape (2, 2)."""
         product = np.eye(2)
-        for k in range(q):
-            block = self.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2]
-            product = (block + np.eye(2) if q == 1 else block) @ product
+        for k in range(len(self.times)):
+            product = self.blocks[(first + k) % len(self.times)] @ product
         return product
 
 
@@ -110,14 +183,15 @@ def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameter
 
     """
     q = len(walls)
-    defects, jacobian = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1))
+    defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
     p = parameters
-    time = shoot(walls, points, p.alpha, p.beta, p.gamma, p.restitution, defects, jacobian)
-    return Shot(defects, jacobian, time) if time > 0.0 else None
+    closed = shoot(walls, points, p.alpha, p.beta, p.gamma, p.restitution, defects, jacobian,
+                   times)
+    return Shot(defects, jacobian, times) if closed else None
 
 
-def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
-                parameters: Parameters) -> Orbit | None:
+def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,
+                reach: float = REACH) -> Orbit | None:
     """
     Find a periodic orbit near a sequence of impacts, by Newton's method.
 
@@ -129,6 +203,8 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
         Phases and velocities [rad, 1], near the orbit.
     parameters : Parameters
         The parameters.
+    reach : float
+        Farthest that a point may move [1].
 
     Returns
     -------
@@ -137,23 +213,27 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray,
 
     """
     walls = np.ascontiguousarray(walls, np.int64)
-    x = np.array(points, np.float64).reshape(len(walls), 2)
+    seed = np.array(points, np.float64).reshape(len(walls), 2)
+    x = seed.copy()
     at_alpha = np.zeros(2 * len(walls) + 1)
     at_alpha[-1] = 1.0
+    shortest = math.inf
     for _ in range(NEWTON_STEPS):
         shot = fire(walls, x, parameters)
         if shot is None:
             return None
         try:
-            step = solve_ring(shot, shot.defects, at_alpha, 0.0)[:-1]
+            change = solve_ring(shot, shot.defects, at_alpha, 0.0)[:-1]
         except np.linalg.LinAlgError:
             return None
-        if np.max(np.abs(step)) > LONGEST_STEP:
+        size = float(np.max(np.abs(change)))
+        x = x - change.reshape(x.shape)
+        if not np.max(np.abs(x - seed)) <= reach:
             return None
-        x = x - step.reshape(x.shape)
-        if np.max(np.abs(step)) < CLOSED:
+        if size < CLOSED or (size >= shortest and np.max(np.abs(shot.defects)) < ROUNDING):
             q = _least_period(walls, x)
             return orbit_at(walls[:q], x[:q], parameters)
+        shortest = min(shortest, size)
     return None
 
 
@@ -161,11 +241,9 @@ def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
     # A slow approach from alternating sides looks like an orbit of twice the period.
     q = len(walls)
     for p in range(1, q):
-        if q % p == 0 and np.array_equal(np.roll(walls, p), walls):
-            apart = np.abs(np.roll(points, p, axis=0) - points)
-            apart[:, 0] = np.abs(apart[:, 0] - TWO_PI * np.round(apart[:, 0] / TWO_PI))
-            if np.max(apart) < REPEATS:
-                return p
+        if q % p == 0 and np.max(distances(points[:, 1], points[:, 0], np.roll(
+                points[:, 1], p), np.roll(points[:, 0], p))) < REPEATS:
+            return p
     return q
 
 
@@ -203,8 +281,7 @@ def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -
     carried = np.zeros((q + 1, 2, 4))
     carried[0, 0, 0] = carried[0, 1, 1] = 1.0
     for k in range(q):
-        block = shot.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2]
-        carried[k + 1] = (block + np.eye(2) if q == 1 else block) @ carried[k]
+        carried[k + 1] = shot.blocks[k] @ carried[k]
         carried[k + 1, :, 2] += shot.jacobian[2 * k:2 * k + 2, -1]
         carried[k + 1, :, 3] -= defects[2 * k:2 * k + 2]
     system = np.zeros((3, 4))
@@ -239,43 +316,36 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
     shot = fire(walls, points, parameters)
     if shot is None or np.max(np.abs(shot.defects)) > 1e3 * CLOSED:
         return None
-    turns = round(shot.time / TWO_PI)
-    if turns < 1 or abs(shot.time - turns * TWO_PI) > 1e-8:
+    time = float(np.sum(shot.times))
+    turns = round(time / TWO_PI)
+    if turns < 1 or abs(time - turns * TWO_PI) > 1e-8:
         return None
-    multipliers = np.linalg.eigvals(shot.derivative).astype(np.complex128)
+    multipliers = np.linalg.eigvals(shot.derivative()).astype(np.complex128)
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind='stable')]
     x = points.copy()
     x[:, 0] = np.mod(x[:, 0], TWO_PI)
-    return Orbit(parameters, walls, x, turns, multipliers)
+    return Orbit(parameters, walls, x, np.roll(shot.times, 1), turns, multipliers)
 
 
-def shortest_period(walls: npt.NDArray[np.int64], phases: FloatArray, velocities: FloatArray,
-                    tolerance: float) -> int:
+def close_near(parameters: Parameters, row: RecordArray) -> Orbit | None:
     """
-    Find the period of a stretch of impacts.
+    Close a stretch of impacts that nearly recurs to a periodic orbit.
 
     Parameters
     ----------
-    walls : ndarray of int, shape (n,)
-        Walls.
-    phases, velocities : ndarray of float, shape (n,)
-        Phases and velocities before the impacts [rad, 1].
-    tolerance : float
-        Largest distance of an impact from the one a period before [rad, 1].
+    parameters : Parameters
+        Of the trajectory.
+    row : ndarray of IMPACT, shape (q,)
+        The impacts of about one period.
 
     Returns
     -------
-    int
-        Impacts [1], at most half the stretch; 0 where nothing recurs.
+    Orbit or None
+        None where there is none within `NEAR`.
 
     """
-    for q in range(1, len(walls) // 2 + 1):
-        turn = np.abs(phases[q:] - phases[:-q])
-        turn = np.minimum(turn, TWO_PI - turn)
-        apart = np.maximum(turn, np.abs(velocities[q:] - velocities[:-q]))
-        if np.array_equal(walls[q:], walls[:-q]) and float(np.max(apart)) <= tolerance:
-            return q
-    return 0
+    return close_orbit(np.signbit(row['velocity']).astype(np.int64),
+                       np.stack([row['phase'], row['velocity']], axis=1), parameters, NEAR)
 
 
 def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:
@@ -298,28 +368,8 @@ def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:
     if a.impacts != b.impacts or a.drive_periods != b.drive_periods:
         return False
     for shift in range(a.impacts):
-        apart = np.abs(np.roll(b.points, shift, axis=0) - a.points)
-        apart[:, 0] = np.minimum(apart[:, 0], TWO_PI - apart[:, 0])
-        if np.max(apart) <= tolerance and np.array_equal(np.roll(b.walls, shift), a.walls):
+        points = np.roll(b.points, shift, axis=0)
+        apart = distances(a.velocities, a.phases, points[:, 1], points[:, 0])
+        if np.max(apart) <= tolerance:
             return True
     return False
-
-
-def exponents(orbit: Orbit) -> tuple[float, float]:
-    """
-    Lyapunov exponents of a periodic orbit.
-
-    Parameters
-    ----------
-    orbit : Orbit
-        The orbit.
-
-    Returns
-    -------
-    tuple of float
-        Per impact [1], from the multipliers; their sum is ``2 ln r - beta 2 pi p/q``.
-
-    """
-    moduli = np.abs(orbit.multipliers)
-    rates = [math.log(float(m)) / orbit.impacts if m > 0.0 else -math.inf for m in moduli]
-    return rates[0], rates[1]

@@ -1,9 +1,9 @@
 """
-Sine, cosine, inverse tangent and exponential relaxation functions, from arithmetic alone.
+Sine, cosine, inverse tangent, logarithm and exponential relaxation, from arithmetic alone.
 
-No libm is called: the results do not depend on the machine's mathematical library, and the
-code vectorises. Taylor polynomials on reduced arguments; every function is good to about one
-unit in the last place.
+Only operations that IEEE 754 rounds exactly are used: the results do not depend on the machine's
+mathematical library, and the code vectorises. Taylor polynomials on reduced arguments; every
+function is good to about one unit in the last place.
 """
 
 import math
@@ -23,6 +23,14 @@ HALF_PI_3 = float.fromhex('0x1.3198a2e037073p-69')
 # ln 2 in two pieces, the first of 33 bits.
 LN2_1 = float.fromhex('0x1.62e42fefp-1')
 LN2_2 = float.fromhex('0x1.473de6af278edp-34')
+INVERSE_LN2 = float.fromhex('0x1.71547652b82fep+0')
+# The bits of sqrt(1/2).
+HALF_ROOT_BITS = 0x3FE6A09E667F3BCD
+SMALLEST_NORMAL = 2.0**-1022
+# The series 2/3 + 2 y/5 + 2 y^2/7 + ... of `logarithm`, shortened by Remez' algorithm for
+# y up to ((sqrt(2) - 1)/(sqrt(2) + 1))^2: 2^-59 of 2 artanh s.
+LOG_SERIES = (0.66666666666667344, 0.39999999999414680, 0.28571428742387026, 0.22222198573260878,
+              0.18183564321557862, 0.15314050680658006, 0.14795948321045246)
 # Beyond this exp(-x) is zero in float64.
 EXP_UNDERFLOW = 746.0
 
@@ -142,6 +150,12 @@ def sine_defect(d: float, sine: float) -> float:
 
 
 @kernel
+def power_of_two(k: int) -> float:
+    """Two to the power of k, from -1022 to 1023."""
+    return np.int64((k + 1023) << 52).view(np.float64)
+
+
+@kernel
 def exp_minus(x: float) -> float:
     """
     Decaying exponential.
@@ -149,7 +163,7 @@ def exp_minus(x: float) -> float:
     Parameters
     ----------
     x : float
-        Exponent [1], not negative.
+        Exponent [1], from -700 on.
 
     Returns
     -------
@@ -159,13 +173,79 @@ def exp_minus(x: float) -> float:
     """
     if x > EXP_UNDERFLOW:
         return 0.0
-    k = np.rint(x * (1.0 / math.log(2.0)))
+    k = np.rint(x * INVERSE_LN2)
     r = -((x - k * LN2_1) - k * LN2_2)
     polynomial = 1.0 + r * (1.0 + r * (1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (
         1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (
             1.0 / 362880 + r * (1.0 / 3628800 + r * (1.0 / 39916800 + r * (
                 1.0 / 479001600 + r * (1.0 / 6227020800)))))))))))))
-    return math.ldexp(polynomial, -int(k))
+    # Of the two factors only the second can round, where the result is subnormal.
+    most = min(int(k), 1000)
+    return polynomial * power_of_two(-most) * power_of_two(most - int(k))
+
+
+@kernel
+def logarithm(x: float) -> float:
+    """
+    Natural logarithm.
+
+    Parameters
+    ----------
+    x : float
+        Any number [1].
+
+    Returns
+    -------
+    float
+        ``ln x`` [1], -inf at zero, nan below it.
+
+    """
+    if not 0.0 < x < math.inf:
+        return x if x > 0.0 else -math.inf if x == 0.0 else math.nan
+    k = 0
+    if x < SMALLEST_NORMAL:
+        x *= 2.0**54
+        k = -54
+    # x = 2^k (1 + f) with 1 + f from sqrt(1/2) to sqrt(2); the subtraction is exact.
+    bits = np.float64(x).view(np.int64)
+    above = (bits - HALF_ROOT_BITS) >> 52
+    k += above
+    f = np.int64(bits - (above << 52)).view(np.float64) - 1.0
+    # ln(1 + f) = 2 artanh s = f - f^2/2 + s (f^2/2 + 2 s^2/3 + 2 s^4/5 + ...)
+    s = f / (2.0 + f)
+    y = s * s
+    z = y * y
+    series = y * (
+        LOG_SERIES[0] + z * (LOG_SERIES[2] + z * (LOG_SERIES[4] + z * LOG_SERIES[6]))
+    ) + z * (LOG_SERIES[1] + z * (LOG_SERIES[3] + z * LOG_SERIES[5]))
+    half = 0.5 * f * f
+    return k * LN2_1 - ((half - (s * (half + series) + k * LN2_2)) - f)
+
+
+@kernel
+def length(x: float, y: float) -> float:
+    """
+    Length of a vector, where its square would overflow or vanish too.
+
+    Parameters
+    ----------
+    x, y : float
+        Its components [1].
+
+    Returns
+    -------
+    float
+        ``sqrt(x^2 + y^2)`` [1].
+
+    """
+    square = x * x + y * y
+    if 1e-280 < square < math.inf:
+        return math.sqrt(square)
+    larger = max(abs(x), abs(y))
+    if not 0.0 < larger < math.inf:
+        return square
+    ratio = min(abs(x), abs(y)) / larger
+    return larger * math.sqrt(1.0 + ratio * ratio)
 
 
 @kernel

@@ -7,12 +7,15 @@ from typing import Final
 from .model import Parameters, State
 from .simulation import Simulation
 
-# Chaos, a crisis, no damping, chatter and sticking, a plastic wall, flights without impacts.
+# Chaos, a crisis, no damping, chatter and sticking, a plastic wall, flights without impacts, and
+# noise.
 _CASES: Final = (
     Parameters(0.57, 0.1, 0.1, 0.9), Parameters(1.244, 0.1, 0.1, 0.9),
     Parameters(3.0, 0.0, 0.0, 1.0), Parameters(0.9, 0.3, -0.2, 0.4),
     Parameters(2.0, 0.1, 0.5, 0.0), Parameters(8.0, 2.0, 1.0, 0.7),
+    Parameters(0.48, 0.1, 0.1, 0.9),
 )
+_NOISE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-2)
 _IMPACTS: Final = 400
 
 
@@ -31,8 +34,9 @@ def fingerprint() -> str:
 
     """
     digest = hashlib.sha256()
-    for number, parameters in enumerate(_CASES):
-        simulation = Simulation(parameters, State(velocity=-0.3 - 0.1 * number))
+    for number, (parameters, noise) in enumerate(zip(_CASES, _NOISE, strict=True)):
+        simulation = Simulation(
+            parameters, State(velocity=-0.3 - 0.1 * number), noise=noise, seed=number)
         digest.update(simulation.advance(_IMPACTS, 0.5, _IMPACTS).tobytes())
         digest.update(simulation.retune(_CASES[number - 1]).tobytes())
         digest.update(simulation.advance(2 * _IMPACTS, 1.0, _IMPACTS).tobytes())

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from .compiled import kernel
+from .elementary import length, logarithm
 from .flight import elapsed
 from .lanes import advance, FLOATS, refill, release, RESTS
 from .lanes_step import LANES
@@ -34,7 +35,7 @@ def largest_singular(a: float, b: float, c: float, d: float) -> float:
         Its largest singular value.
 
     """
-    return 0.5 * (math.hypot(a + d, b - c) + math.hypot(a - d, b + c))
+    return 0.5 * (length(a + d, b - c) + length(a - d, b + c))
 
 
 @kernel
@@ -120,7 +121,7 @@ def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-de
                     if size == 0.0:
                         stuck = True
                         break
-                    scale[i] += math.log(size)
+                    scale[i] += logarithm(size)
                     for j in range(4):
                         product[i, j] /= size
             if stuck or tile.end[i] == RESTS:
@@ -130,6 +131,6 @@ def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-de
             elif tile.left[i] > 0.0:
                 continue
             else:
-                exponents[number] = (scale[i] + math.log(largest_singular(
+                exponents[number] = (scale[i] + logarithm(largest_singular(
                     product[i, 0], product[i, 1], product[i, 2], product[i, 3]))) / count
             release(tile, i)

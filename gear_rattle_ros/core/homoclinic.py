@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from .closed_orbits import fire, FloatArray, Orbit
 from .compiled import kernel
-from .elementary import TWO_PI
+from .elementary import exp_minus, logarithm, TWO_PI
 from .flight import NO_WALL
 from .impact_map import next_impact
 
@@ -121,7 +121,7 @@ def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
     if shot is None or first.imag != 0.0 or not first.real > 1.0 > second.real > 0.0:
         raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit is no saddle with '
                          'positive multipliers')
-    values, vectors = np.linalg.eig(shot.derivative)
+    values, vectors = np.linalg.eig(shot.derivative())
     vectors = np.real(vectors[:, np.argsort(-np.abs(values))])
     rows = np.linalg.inv(vectors)
     shift = min(range(len(captor.points)), key=lambda k: _apart(captor, k, orbit))
@@ -174,11 +174,12 @@ def returns(  # type: ignore[no-untyped-def]
     """
     entered = np.empty(period, np.int64)
     crossed = np.empty(period)
+    rate = logarithm(expansion)
     for i in range(len(places)):
         distances[i] = NEVER
         numbers[i] = -1
         entered[:] = -1
-        aside = seed * expansion ** places[i]
+        aside = seed * exp_minus(-places[i] * rate)
         phase = point[0] + aside * unstable[0]
         velocity = point[1] + aside * unstable[1]
         here = wall
@@ -200,7 +201,7 @@ def returns(  # type: ignore[no-untyped-def]
             elif near:
                 if entered[c] < 0:
                     entered[c] = n
-                crossed[c] = -across * expansion ** (-(n - entered[c]) / period)
+                crossed[c] = -across * exp_minus((n - entered[c]) / period * rate)
             elif entered[c] >= 0:
                 if n - entered[c] > TURNS * period and crossed[c] > distances[i]:
                     distances[i] = crossed[c]

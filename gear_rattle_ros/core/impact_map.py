@@ -94,7 +94,7 @@ def derivatives(  # type: ignore[no-untyped-def]
 
 @kernel
 def shoot(  # type: ignore[no-untyped-def]
-        walls, points, alpha, beta, gamma, restitution, defects, jacobian):
+        walls, points, alpha, beta, gamma, restitution, defects, jacobian, times):
     """
     Map every impact of a closed sequence on, and compare with the next one.
 
@@ -110,23 +110,24 @@ def shoot(  # type: ignore[no-untyped-def]
         Receives what is missing to a periodic orbit [rad, 1].
     jacobian : ndarray of float, shape (2 q, 2 q + 1)
         Receives the derivatives of `defects` by `points` and alpha.
+    times : ndarray of float, shape (q,)
+        Receives the flight time from each impact to the next [1].
 
     Returns
     -------
-    float
-        Sum of the flight times [1]; negative where a flight ends at another wall or at none.
+    bool
+        Whether every flight ends at the wall that comes next.
 
     """
     q = len(walls)
     jacobian[:] = 0.0
-    total = 0.0
     for k in range(q):
         n = (k + 1) % q
         hit, _, phase, velocity, d = next_impact(
             walls[k], points[k, 0], points[k, 1], alpha, beta, gamma, restitution)
         if hit != walls[n] or velocity == 0.0:
-            return -1.0
-        total += d
+            return False
+        times[k] = d
         apart = phase - points[n, 0]
         defects[2 * k] = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi) + 0.5)
         defects[2 * k + 1] = velocity - points[n, 1]
@@ -137,4 +138,4 @@ def shoot(  # type: ignore[no-untyped-def]
             jacobian[2 * k + row, 2 * k + 1] = one[3 * row + 1]
             jacobian[2 * k + row, 2 * q] = one[3 * row + 2]
             jacobian[2 * k + row, 2 * n + row] -= 1.0
-    return total
+    return True

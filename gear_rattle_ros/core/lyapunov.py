@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from .compiled import kernel
+from .elementary import length, logarithm
 from .flight import elapsed
 from .model import EventArray, EventKind
 from .stream import StreamGuard
@@ -165,7 +166,7 @@ def orthonormalise(basis):  # type: ignore[no-untyped-def]
         The diagonal of R, both not negative [1]; no numbers where the vectors are none.
 
     """
-    first = math.hypot(basis[0], basis[1])
+    first = length(basis[0], basis[1])
     if not 0.0 < first < math.inf:
         # What a record with absurd velocities has spoilt must not outlive its epoch.
         set_identity(basis)
@@ -241,8 +242,10 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
     """
     e = estimate
     basis = e.basis
+    restitution = math.nan
+    contraction = math.nan
     for i in range(len(events)):
-        p = last[0]
+        p = events[i - 1] if i else last[0]
         event = events[i]
         cycles = np.int64(np.int32(np.uint32(event.cycle) - np.uint32(p.cycle)))
         d = elapsed(cycles, p.phase, event.phase)
@@ -277,10 +280,14 @@ def follow(estimate, ring, last, events):  # type: ignore[no-untyped-def]
                 basis[0] *= s11
                 basis[2] *= s11
                 first, second = orthonormalise(basis)
+                if p.restitution != restitution:
+                    restitution = p.restitution
+                    contraction = 2.0 * logarithm(restitution)
                 count_impact(
-                    e, ring, math.log(first), math.log(second),
-                    log_determinant(event.velocity, event.velocity_after, p.restitution))
-        last[0] = event
+                    e, ring, logarithm(first), logarithm(second), log_determinant(
+                        event.velocity, event.velocity_after, restitution, contraction))
+    if len(events):
+        last[0] = events[len(events) - 1]
 
 
 class RunningLyapunov:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from .compiled import kernel
-from .elementary import sine_cosine, TWO_PI
+from .elementary import logarithm, sine_cosine, TWO_PI
 
 
 @kernel
@@ -54,4 +54,4 @@ def gaussian(seed: int, index: int) -> float:
     second = mixed(counter + golden)
     uniform = (np.float64(first >> np.uint64(11)) + 1.0) * 2.0**-53
     angle = np.float64(second >> np.uint64(11)) * 2.0**-53 * TWO_PI
-    return math.sqrt(-2.0 * math.log(uniform)) * sine_cosine(angle)[1]
+    return math.sqrt(-2.0 * logarithm(uniform)) * sine_cosine(angle)[1]

@@ -1,130 +1,156 @@
 """Impact velocities of many trajectories counted in bins, with their largest exponents."""
 
+import dataclasses
 import math
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
+from .classify import RecordArray, STEPS
 from .compiled import kernel
+from .elementary import length, logarithm
 from .flight import elapsed, rebound
-from .lanes import advance, RUNS
+from .lanes import advance, EMPTY, new_impacts, new_tiles, refill, release
 from .lanes_step import LANES
 from .tangent import flight_matrix, impact_matrix
 
+FloatArray = npt.NDArray[np.float64]
 # Block means of the exponent, for its error.
 BLOCKS: Final = 16
 # The tangent vector turns to the direction of growth over so many impacts before it is measured.
 TURN_IMPACTS: Final = 64
-STEPS: Final = 256
-# Impacts kept at the end of each trajectory.
-KEPT: Final = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class Counted:
+    """
+    What some trajectories have done.
+
+    Attributes
+    ----------
+    counts : ndarray of uint32, shape (n, bins)
+        Impact velocities counted.
+    growth : ndarray of float, shape (n, BLOCKS)
+        Mean growth of a tangent vector per impact in each block [1]; -inf where the mass sticks.
+    times : ndarray of float, shape (n,)
+        Time of the counted flights [1].
+
+    """
+
+    counts: npt.NDArray[np.uint32]
+    growth: FloatArray
+    times: FloatArray
 
 
 @kernel
 def is_stuck(impact, towards, tile, i):  # type: ignore[no-untyped-def]
-    """
-    Tell whether the mass sticks at an impact.
-
-    Parameters
-    ----------
-    impact : IMPACT record
-        The impact.
-    towards : float
-        +1 at the upper wall, -1 at the lower.
-    tile : TILE record
-        The tile.
-    i : int
-        The lane.
-
-    Returns
-    -------
-    bool
-        Whether it does.
-
-    """
+    """Whether the mass sticks at an impact of a lane; `towards` is +1 at the upper wall."""
     return rebound(impact.velocity, towards, impact.phase, tile.alpha[i], tile.beta[i],
                    tile.gamma[i], tile.restitution[i], 0.0) == 0.0
 
 
 @kernel
 def fill(  # type: ignore[no-untyped-def]
-        tile, impacts, skip, keep, low, high, counts, growth, times, made, last):
+        tile, impacts, starts, skip, keep, low, high, counts, growth, times, vectors, moments,
+        made):
     """
-    Follow the trajectories of a tile until they park, and count their impact velocities.
+    Follow trajectories and count their impact velocities.
 
     Parameters
     ----------
     tile : TILE record
-        Every lane in use has ``skip + keep`` impacts left.
+        With every lane free.
     impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
         Room to work in.
+    starts : ndarray of START, shape (n,)
+        Where they are.
     skip, keep : int
-        Impacts that are passed over, then those that are counted.
+        Impacts over which the tangent vectors turn, then those that are counted.
     low, high : float
         Velocities between which the bins lie [1].
-    counts : ndarray of uint32, shape (LANES, bins)
-        Receives how many impacts fall in each bin; others are in none.
-    growth : ndarray of float, shape (LANES, BLOCKS)
-        Receives the growth of a tangent vector per impact, averaged over each block [1]; -inf
-        where the mass sticks.
-    times : ndarray of float, shape (LANES,)
-        Receives the time of the counted flights [1].
-    made : ndarray of int, shape (LANES,)
-        Receives how many impacts each has made; fewer where it came to rest.
-    last : ndarray of IMPACT, shape (LANES, KEPT)
-        Receives the last ones: number n is at ``n % KEPT``.
+    counts, growth, times : ndarray
+        Receive what `Counted` has.
+    vectors, moments, made : ndarray, shape (n, 2), (n, 2), (n,)
+        Room to work in: tangent vectors, (cycle, phase) of the last impacts, impacts made.
 
     """
     bins = counts.shape[1]
     scale = bins / (high - low)
     block = keep // BLOCKS
-    turned = max(1, skip - TURN_IMPACTS)
-    vector = np.ones((LANES, 2))
-    cycle = np.zeros(LANES, np.int64)
-    phase = np.zeros(LANES)
-    counts[:] = 0
-    growth[:] = 0.0
-    times[:] = 0.0
-    made[:] = 0
-    running = True
-    while running:
-        advance(tile, impacts, STEPS)
-        running = False
+    following = 0
+    while True:
+        following = refill(tile, starts, following, float(skip + keep))
+        busy = 0
         for i in range(LANES):
+            busy += tile.start[i] != EMPTY
+        if busy == 0:
+            return
+        advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            t = tile.start[i]
+            if t == EMPTY:
+                continue
             for k in range(tile.count[i]):
                 one = impacts[i, k]
-                n = made[i]
-                made[i] = n + 1
-                last[i, n % KEPT] = one
-                if n >= turned:
-                    d = elapsed(one.cycle - cycle[i], phase[i], one.phase)
-                    towards = math.copysign(1.0, one.velocity)
-                    integral, decay = flight_matrix(d, tile.beta[i])
-                    s11, s21, s22 = impact_matrix(
-                        one.phase, one.velocity, -tile.restitution[i] * one.velocity,
-                        tile.alpha[i], tile.beta[i], tile.gamma[i], tile.restitution[i])
-                    s = vector[i, 0] + integral * vector[i, 1]
-                    v = s21 * s + s22 * decay * vector[i, 1]
-                    s *= s11
-                    size = math.hypot(s, v)
-                    rate = math.log(size) if size > 0.0 else -math.inf
-                    if is_stuck(one, towards, tile, i):
-                        rate = -math.inf
-                    if rate == -math.inf:
-                        vector[i, 0] = 1.0
-                        vector[i, 1] = 1.0
-                    else:
-                        vector[i, 0] = s / size
-                        vector[i, 1] = v / size
-                    if n >= skip:
-                        times[i] += d
-                        if block > 0 and n < skip + block * BLOCKS:
-                            growth[i, (n - skip) // block] += rate / block
-                cycle[i] = one.cycle
-                phase[i] = one.phase
-                if n >= skip:
-                    bin_ = int(math.floor((one.velocity - low) * scale))
-                    if 0 <= bin_ < bins:
-                        counts[i, bin_] += 1
-            if tile.left[i] > 0.0 and tile.end[i] == RUNS:
-                running = True
+                n = made[t]
+                made[t] = n + 1
+                d = elapsed(one.cycle - np.int64(moments[t, 0]), moments[t, 1], one.phase)
+                moments[t, 0] = one.cycle
+                moments[t, 1] = one.phase
+                integral, decay = flight_matrix(d, tile.beta[i])
+                s11, s21, s22 = impact_matrix(
+                    one.phase, one.velocity, -tile.restitution[i] * one.velocity,
+                    tile.alpha[i], tile.beta[i], tile.gamma[i], tile.restitution[i])
+                s = vectors[t, 0] + integral * vectors[t, 1]
+                v = s21 * s + s22 * decay * vectors[t, 1]
+                s *= s11
+                size = length(s, v)
+                if size == 0.0 or is_stuck(one, math.copysign(1.0, one.velocity), tile, i):
+                    rate = -math.inf
+                    vectors[t] = 1.0
+                else:
+                    rate = logarithm(size)
+                    vectors[t, 0] = s / size
+                    vectors[t, 1] = v / size
+                if n < skip:
+                    continue
+                times[t] += d
+                if n < skip + block * BLOCKS:
+                    growth[t, (n - skip) // block] += rate / block
+                bin_ = int(math.floor((one.velocity - low) * scale))
+                if 0 <= bin_ < bins:
+                    counts[t, bin_] += 1
+            if tile.left[i] <= 0.0:
+                release(tile, i)
+
+
+def count_velocities(starts: RecordArray, keep: int, low: float, high: float, bins: int
+                     ) -> Counted:
+    """
+    Count the impact velocities of trajectories, and measure how their neighbours diverge.
+
+    Parameters
+    ----------
+    starts : ndarray of START, shape (n,)
+        Where they are.
+    keep : int
+        Impacts that are counted, at least `BLOCKS`.
+    low, high : float
+        Velocities between which the bins lie [1]; others are in none.
+    bins : int
+        How many.
+
+    Returns
+    -------
+    Counted
+        Trajectory by trajectory.
+
+    """
+    n = len(starts)
+    counted = Counted(np.zeros((n, bins), np.uint32), np.zeros((n, BLOCKS)), np.zeros(n))
+    moments = np.stack([np.zeros(n), starts['phase']], axis=1)
+    fill(new_tiles(1)[0], new_impacts(STEPS), starts, TURN_IMPACTS, keep, low, high,
+         counted.counts, counted.growth, counted.times, np.ones((n, 2)), moments,
+         np.zeros(n, np.int64))
+    return counted

@@ -83,7 +83,7 @@ def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordAr
     return rows, counts
 
 
-def starts_after(parameters: Parameters, sides: npt.ArrayLike, phases: npt.ArrayLike,
+def starts_after(parameters: Parameters, walls: npt.ArrayLike, phases: npt.ArrayLike,
                  velocities: npt.ArrayLike) -> RecordArray:
     """
     Make starts just after impacts.
@@ -92,8 +92,8 @@ def starts_after(parameters: Parameters, sides: npt.ArrayLike, phases: npt.Array
     ----------
     parameters : Parameters
         Of every trajectory.
-    sides, phases, velocities : array_like
-        Walls (0 or 1), phases [rad] and velocities just before the impacts [1].
+    walls, phases, velocities : array_like
+        Walls, phases [rad] and velocities just before the impacts [1].
 
     Returns
     -------
@@ -104,7 +104,7 @@ def starts_after(parameters: Parameters, sides: npt.ArrayLike, phases: npt.Array
     phases = np.mod(np.asarray(phases, np.float64), TWO_PI)
     starts = np.zeros(phases.shape, START)
     starts['phase'] = np.where(phases >= TWO_PI, 0.0, phases)
-    starts['displacement'] = -np.asarray(sides, np.float64)
+    starts['displacement'] = -np.asarray(walls, np.float64)
     starts['velocity'] = -parameters.restitution * np.asarray(velocities, np.float64)
     for name, value in dataclasses.asdict(parameters).items():
         starts[name] = value

@@ -7,12 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from .classify import CELLS, ENTRY, POINT, SETTINGS, Table
+from .closed_orbits import Orbit
 from .elementary import TWO_PI
+from .flight import NO_WALL
 from .lanes import EMPTY
-from .periodic import Orbit
 
 # Cells reach so much beyond the fastest point.
 ROOM: Final = 1.05
+# Points are rounded to this.
+GRAIN: Final = 2.0**-33
 
 
 def make_table(orbits: Sequence[Orbit], tolerance: float, *,
@@ -49,20 +52,24 @@ def make_table(orbits: Sequence[Orbit], tolerance: float, *,
     """
     settings = np.zeros(1, SETTINGS)
     fastest = max((float(np.max(np.abs(orbit.velocities))) for orbit in orbits), default=0.0)
-    speed = box_speed or ROOM * fastest + 2.0 * tolerance
+    speed = ROOM * fastest + 2.0 * tolerance
     settings['tolerance'] = tolerance
     settings['speed'] = speed
+    settings['box_speed'] = box_speed
     settings['stay'] = stay
     settings['sticks'] = EMPTY
-    points = np.zeros(sum(len(orbit.sides) for orbit in orbits), POINT)
+    points = np.zeros(sum(orbit.impacts for orbit in orbits), POINT)
     first = 0
     for number, orbit in zip(numbers or range(len(orbits)), orbits, strict=True):
-        q = len(orbit.sides)
+        q = orbit.impacts
         own = points[first:first + q]
-        own['side'], own['phase'], own['velocity'] = orbit.sides, orbit.phases, orbit.velocities
-        own['flight_time'], own['form'], own['attractor'] = orbit.flight_times, orbit.forms, number
+        # Rounded, so that lifetimes do not hang on the trajectory that an orbit was found from.
+        own['wall'], own['phase'] = orbit.walls, GRAIN * np.round(orbit.phases / GRAIN)
+        own['velocity'] = GRAIN * np.round(orbit.velocities / GRAIN)
+        own['flight_time'], own['attractor'] = orbit.flight_times, number
+        own['form'] = np.inf if orbit.forms is None else orbit.forms
         own['following'] = first + (1 + np.arange(q)) % q
-        if orbit.sticks != EMPTY:
+        if orbit.sticks != NO_WALL:
             settings['sticks'][0, orbit.sticks] = number
         first += q
     heads = np.full(2 * CELLS * CELLS, EMPTY, np.int16)
@@ -85,7 +92,7 @@ def _cells_near(point: np.void, tolerance: float, speed: float) -> list[int]:
                  for sign in (-1.0, 1.0))
     left, right = (int((point['phase'] + sign * tolerance) * CELLS / TWO_PI // 1)
                    for sign in (-1.0, 1.0))
-    return [(int(point['side']) * CELLS + row) * CELLS + column % CELLS
+    return [(int(point['wall']) * CELLS + row) * CELLS + column % CELLS
             for row in range(max(low, 0), min(high, CELLS - 1) + 1)
             for column in range(left, right + 1)]
 

@@ -1,9 +1,7 @@
 """Flight and impact matrices of the tangent map at fixed time, (ds, dv)."""
 
-import math
-
 from .compiled import kernel
-from .elementary import relaxation, sine_cosine
+from .elementary import logarithm, relaxation, sine_cosine
 from .flight import acceleration
 
 
@@ -62,7 +60,8 @@ def impact_matrix(phase: float, velocity: float, velocity_after: float, alpha: f
 
 
 @kernel
-def log_determinant(velocity: float, velocity_after: float, restitution: float) -> float:
+def log_determinant(velocity: float, velocity_after: float, restitution: float,
+                    contraction: float) -> float:
     """
     Logarithm of ``|det S|``.
 
@@ -70,8 +69,8 @@ def log_determinant(velocity: float, velocity_after: float, restitution: float) 
     ----------
     velocity, velocity_after : float
         Just before and after the impact [1].
-    restitution : float
-        Coefficient of restitution [1].
+    restitution, contraction : float
+        Coefficient of restitution r and ``2 ln r`` [1].
 
     Returns
     -------
@@ -82,5 +81,5 @@ def log_determinant(velocity: float, velocity_after: float, restitution: float) 
     if velocity == 0.0:
         return 0.0
     if velocity_after == -restitution * velocity:
-        return 2.0 * math.log(restitution) if restitution > 0.0 else -math.inf
-    return math.log(abs(restitution * velocity_after / velocity))
+        return contraction
+    return logarithm(abs(restitution * velocity_after / velocity))

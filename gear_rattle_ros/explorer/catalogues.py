@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from .view import HOLD, LIFETIMES, STARTS, View
+from ..core.closed_orbits import Orbit
 from ..core.model import Parameters
-from ..core.periodic import Orbit
+from ..offline.catalogue import Catalogue
 from ..offline.grid import Plane
-from ..offline.search import Catalogue, find_attractors
+from ..offline.search import find_attractors
 
 # The quick search: starts, and impacts for which they are followed.
 QUICK_STARTS: Final = 200
@@ -39,15 +40,12 @@ class Known:
     ----------
     catalogue : Catalogue
         What a search has found.
-    late : tuple of Orbit
-        Orbits that only a picture has shown, in the order of their keys.
     is_complete : bool
         Whether nothing was left to a more thorough search.
 
     """
 
     catalogue: Catalogue
-    late: tuple[Orbit, ...] = ()
     is_complete: bool = True
 
 
@@ -137,12 +135,8 @@ class Catalogues:
 
         """
         known = self.quick(view)
-        late = {orbit.key: orbit for orbit in known.late}
-        late |= {orbit.key: orbit for orbit in orbits}
-        for orbit in known.catalogue.orbits:
-            late.pop(orbit.key, None)
         return self._put(_key(view), dataclasses.replace(
-            known, late=tuple(late[key] for key in sorted(late))))
+            known, catalogue=known.catalogue.with_orbits(tuple(orbits))))
 
     def _search(self, key: Key, view: View, given_up: threading.Event) -> None:
         def check() -> None:

@@ -10,9 +10,11 @@ import numpy.typing as npt
 
 from .catalogues import Catalogues, Known
 from .view import CAP, COARSEST, EXPONENTS, following, SPAN, View
+from ..core.chaos import GLANCE
 from ..core.classify import UNRESOLVED
+from ..offline.catalogue import BATCH, moved
 from ..offline.exponents import finite_time_exponents
-from ..offline.search import BATCH, orbits_among, settle, STAGES
+from ..offline.search import orbits_among
 
 # The first picture gives up starts after so many impacts: it has to be quick.
 FIRST_CAP: Final = 400
@@ -130,7 +132,6 @@ def _level(picture: Picture, cap: int, begin: float, check: Callable[[], None],
            per_cell: float) -> Iterator[Picture]:
     view, cells = picture.view, picture.cells
     plane = view.plane(cells)
-    table = picture.known.catalogue.table(picture.known.late)
     labels, lifetimes = picture.labels.copy(), picture.lifetimes.copy()
     exponents = None if picture.exponents is None else picture.exponents.copy()
     row = 0
@@ -140,7 +141,7 @@ def _level(picture: Picture, cap: int, begin: float, check: Callable[[], None],
         rows = max(-(-2 * BATCH // cells), int(STRIP / (per_cell * cells)))
         last = min(cells, row + rows)
         starts = plane.starts(view.parameters, slice(row, last), slice(0, cells))
-        results = settle(starts, cap, table)
+        results = picture.known.catalogue.label(starts, cap)
         labels[row:last] = results['label'].reshape(-1, cells)
         lifetimes[row:last] = results['lifetime'].reshape(-1, cells)
         if exponents is not None:
@@ -159,12 +160,9 @@ def _with_late(view: View, catalogues: Catalogues, known: Known, picture: Pictur
     starts = view.plane(picture.cells).starts(
         view.parameters, slice(0, picture.cells), slice(0, picture.cells))
     chosen = starts[left[::max(1, len(left) // LOOKED_AT)][:LOOKED_AT]]
-    results = settle(chosen, CAP, known.catalogue.table(known.late))
-    unresolved = results['label'] == UNRESOLVED
-    states = chosen[unresolved]
-    for name in ('phase', 'displacement', 'velocity'):
-        states[name] = results[name][unresolved]
-    orbits = orbits_among(view.parameters, states, *STAGES[0][1:], known.catalogue.tolerance)
+    results = known.catalogue.label(chosen, CAP)
+    states = moved(chosen, results)[results['label'] == UNRESOLVED]
+    orbits = orbits_among(view.parameters, states, *GLANCE[1:], known.catalogue.tolerance)
     return catalogues.add(view, orbits) if orbits else known
 
 

@@ -51,45 +51,15 @@ class Colours:
     names: dict[int, str] = dataclasses.field(default_factory=lambda: dict(NAMES))
 
     def followed(self, known: Known) -> 'Colours':
-        """
-        Go on to other parameters.
-
-        Parameters
-        ----------
-        known : Known
-            The attractors there.
-
-        Returns
-        -------
-        Colours
-            Of those.
-
-        """
-        found = points_of(known.catalogue, known.late)
+        """Return the colours of the attractors at other parameters."""
+        found = points_of(known.catalogue)
         traces, hues = follow(self.traces, found, is_complete=known.is_complete)
-        keys = [*(orbit.key for orbit in known.catalogue.orbits),
-                *(chaotic.key for chaotic in known.catalogue.chaotic),
-                *(orbit.key for orbit in known.late)]
+        keys = [each.key for each in known.catalogue.attractors if each.label >= 0]
         return Colours(traces, colours_of(hues), NAMES | dict(enumerate(keys)))
 
 
 def paint(picture: Picture, colours: Colours) -> Pixels:
-    """
-    Paint a picture.
-
-    Parameters
-    ----------
-    picture : Picture
-        What is known.
-    colours : Colours
-        Of its attractors.
-
-    Returns
-    -------
-    ndarray of uint8, shape (cells, cells, 4)
-        Red, green, blue, opacity; the lowest velocity first.
-
-    """
+    """Paint a picture: red, green, blue, opacity of every cell, the lowest velocity first."""
     slowness = np.log(np.maximum(picture.lifetimes, 1)) / math.log(CAP)
     if picture.exponents is not None:
         return _paint_exponents(picture.exponents)
@@ -107,41 +77,13 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
 
 
 def span_of(exponents: npt.NDArray[np.floating]) -> float:
-    """
-    Find how far the colours of exponents reach on both sides of zero.
-
-    Parameters
-    ----------
-    exponents : ndarray of float
-        Finite-time exponents [1].
-
-    Returns
-    -------
-    float
-        All but the most extreme twentieth lie within [1].
-
-    """
+    """Find within what all but the most extreme twentieth of some exponents lie [1]."""
     finite = exponents[np.isfinite(exponents)]
     return max(1e-3, float(np.quantile(np.abs(finite), 0.95))) if len(finite) else 1.0
 
 
 def legend(picture: Picture, colours: Colours) -> str:
-    """
-    Say what the colours mean.
-
-    Parameters
-    ----------
-    picture : Picture
-        The picture.
-    colours : Colours
-        Of its attractors.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    """
+    """Say in HTML what the colours mean."""
     if picture.exponents is not None:
         reach = span_of(picture.exponents)
         bar = _bar([_hex(FALLING), _hex(INDIFFERENT), _hex(PARTING)])

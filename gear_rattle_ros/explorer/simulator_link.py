@@ -1,33 +1,48 @@
 """The way from the page to a running simulator; ROS is looked for only when it is asked for."""
 
+import math
 import threading
-from typing import TYPE_CHECKING
+from typing import Final, TYPE_CHECKING
 
 from ..core.model import Parameters, State
 
 if TYPE_CHECKING:
-    from ..nodes.steering import Steering
+    from ..nodes.client import Visitor
+
+_BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
 
 
 class SimulatorLink:
     """One node for all pages, made when a state is sent for the first time."""
 
     def __init__(self) -> None:
-        self._steering: Steering | None = None
+        self._visitor: Visitor | None = None
         self._lock = threading.Lock()
+
+    def join(self) -> 'Visitor':
+        """Return the client of the simulator, with no more services than it needs."""
+        from ..nodes.client import GET, PUT, RESET, Visitor
+        if self._visitor is None:
+            self._visitor = Visitor('explorer', '/simulator', (GET, PUT, RESET))
+        return self._visitor
 
     def send(self, state: State, parameters: Parameters) -> tuple[str, bool]:
         """Make a state the simulator's next initial state; returns what came of it and whether."""
         try:
-            from ..nodes.steering import Steering, SteeringError
+            from ..nodes.client import ClientError
         except ImportError as error:
             return f'no ROS here ({error}): source a ROS 2 installation and start me again', False
+        theirs: dict[str, float] = {}
         with self._lock:
+            simulator = self.join()
+            simulator.put({'initial_phase': min(max(float(state.phase), 0.0), _BELOW_TWO_PI),
+                           'initial_displacement': float(state.displacement),
+                           'initial_velocity': float(state.velocity)})
+            simulator.reset()
+            simulator.get(('alpha', 'beta', 'gamma', 'restitution'), theirs.update)
             try:
-                if self._steering is None:
-                    self._steering = Steering(name='explorer')
-                theirs = self._steering.send(state.phase, state.displacement, state.velocity)
-            except SteeringError as error:
+                simulator.wait()
+            except ClientError as error:
                 return str(error), False
         message = (f'the simulator goes on from phase {state.phase:.6g}, s = '
                    f'{state.displacement:.6g}, velocity {state.velocity:.6g}')
@@ -38,6 +53,6 @@ class SimulatorLink:
     def close(self) -> None:
         """Leave the ROS graph, if it was joined."""
         with self._lock:
-            if self._steering is not None:
-                self._steering.close()
-                self._steering = None
+            if self._visitor is not None:
+                self._visitor.close()
+                self._visitor = None

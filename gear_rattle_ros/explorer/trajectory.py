@@ -51,22 +51,7 @@ class Trajectory:
 
 def follow(parameters: Parameters, phase: float, displacement: float, velocity: float
            ) -> Trajectory:
-    """
-    Follow a start for some hundred impacts.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the model.
-    phase, displacement, velocity : float
-        The start; any phase [rad], [1], [1].
-
-    Returns
-    -------
-    Trajectory
-        Ready to be drawn.
-
-    """
+    """Follow a start for some hundred impacts."""
     turned = phase % TWO_PI
     state = State(0, turned if turned < TWO_PI else 0.0, displacement, velocity)
     simulation = Simulation(parameters, state)

@@ -71,45 +71,16 @@ class View:
             object.__setattr__(self, name, getattr(plane, name))
 
     def plane(self, cells: int) -> Plane:
-        """
-        Cut the window into cells.
-
-        Parameters
-        ----------
-        cells : int
-            How many along each edge.
-
-        Returns
-        -------
-        Plane
-            The cells.
-
-        """
+        """Cut the window into cells."""
         return Plane(self.displacement, self.phase, self.velocity, cells, cells)
 
     def finest(self) -> int:
-        """
-        Tell how many cells float64 can tell apart in this window.
-
-        Returns
-        -------
-        int
-            Along an edge.
-
-        """
+        """Tell how many cells along an edge float64 can tell apart in this window."""
         return min(int((high - low) / (ROUNDINGS * math.ulp(max(abs(low), abs(high)))))
                    for low, high in (self.phase, self.velocity))
 
     def limit(self) -> str:
-        """
-        Say so where float64 ends.
-
-        Returns
-        -------
-        str
-            A sentence; empty where there is room to go deeper.
-
-        """
+        """Say so where float64 ends; nothing where there is room to go deeper."""
         width = min(self.phase[1] - self.phase[0], self.velocity[1] - self.velocity[0])
         # Where the next step of the wheel would lead beyond.
         if width >= 1.6 * NARROWEST and self.finest() >= 1.6 * FINE:
@@ -119,20 +90,7 @@ class View:
                 f'only {apart:.0f} roundings apart. Zoom out, or go elsewhere.')
 
     def command(self, output: str, picture: str) -> list[str]:
-        """
-        Write the command that computes this view into a store and draws it.
-
-        Parameters
-        ----------
-        output, picture : str
-            Paths of the store and the picture.
-
-        Returns
-        -------
-        list of str
-            The name of the tool and its arguments.
-
-        """
+        """Write the command that computes this view into a store and draws it."""
         model = [word for name, value in dataclasses.asdict(self.parameters).items()
                  for word in (f'--{name}', repr(value))]
         own = ['--impacts', str(SPAN)] if self.kind == EXPONENTS else [
@@ -144,24 +102,7 @@ class View:
 
 
 def following(cells: int, seconds: float, view: View) -> int:
-    """
-    Choose the next finer level.
-
-    Parameters
-    ----------
-    cells : int
-        Cells along an edge of the level that is done.
-    seconds : float
-        What it has taken [s].
-    view : View
-        The picture.
-
-    Returns
-    -------
-    int
-        Cells along an edge; 0 if it is fine enough.
-
-    """
+    """Return the edge of the next finer level [cells]; 0 if this one is fine enough."""
     per_cell = seconds / cells**2
     wanted = 2 * cells
     while wanted < FINE and per_cell * (2 * wanted)**2 < AT_ONCE:

@@ -18,7 +18,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from .scales import nice_limit
 from .shell import run_node, ShellNode, StartError
-from ..core.classify import FLOATING, UNRESOLVED
+from ..core.chaos import BRIEF
+from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
 from ..messages import (
     cloud_from_records,
@@ -28,11 +29,11 @@ from ..messages import (
     nanoseconds_from_stamp,
     stamp_from_nanoseconds,
 )
-from ..offline.attractors import Attractor, attractors_of, ENDS
+from ..offline.catalogue import Attractor, OTHERS
 from ..offline.colours import colours_of, follow, painted, points_of, Trace
 from ..offline.grid import Plane
 from ..offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
-from ..offline.sketch import sketched_sets
+from ..offline.search import find_attractors
 from ..parameters import BASIN
 from ..qos import LATCHED, NEWEST
 
@@ -161,7 +162,7 @@ class Job(threading.Thread):
                         velocities=size) for size in sizes]
         for basins in refine(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
                              threads=settings.threads, is_dropped=self._dropped.is_set):
-            traces, hues = follow(memory.traces, points_of(basins.catalogue, basins.late),
+            traces, hues = follow(memory.traces, points_of(basins.catalogue),
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
             # What is finer gives way to everything; it must not starve, as it may hold the GIL.
@@ -294,11 +295,11 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
     colours = colours_of(hues)
     # The top row is that of the greatest velocity.
     pixels = painted(basins.labels, colours)[::-1, :, :3]
-    found = [each for each in attractors_of(basins.catalogue, basins.late) if each.label >= 0]
-    found += [Attractor(key, 'floating' if label == FLOATING else 'resting', label)
-              for label, key in ENDS.items() if np.any(basins.labels == label)]
+    found = [each for each in basins.catalogue.attractors if each.label >= 0]
+    found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
+              if np.any(basins.labels == label)]
     found = [dataclasses.replace(each, share=basins.share(each.label)) for each in found]
-    points = points_of(basins.catalogue, basins.late)
+    points = points_of(basins.catalogue)
     return Picture(
         image_from_pixels(pixels, stamp),
         cloud_from_records(points_with(points, found, colours), stamp),
@@ -327,18 +328,19 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
     plane, parameters = basins.plane, wanted.parameters
     unresolved = basins.share(UNRESOLVED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
-             f'{len(found)} attractors, {unresolved:.1%} unresolved')
+             f'{sum(each.label != UNRESOLVED for each in found)} attractors, '
+             f'{unresolved:.1%} unsettled')
     state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
         'plane': 'section' if settings.on_walls else 'displacement',
         'displacement': plane.displacement, 'phase_low': plane.phase[0],
         'phase_high': plane.phase[1], 'velocity_low': plane.velocity[0],
-        'velocity_high': plane.velocity[1], 'unresolved': unresolved,
+        'velocity_high': plane.velocity[1], 'unsettled': unresolved,
         'has_searched_chaos': basins.is_complete}, stamp)
     for each in found:
         state.status.extend(diagnostic_array(
             f'basin: {each.key}', 'basin', 'ok', f'{each.key}: {each.share:.2%}', {
-                'label': each.label, 'key': each.key, 'kind': each.kind, 'share': each.share,
+                'label': each.label, 'key': each.key, 'kind': each.kind.value, 'share': each.share,
                 'colour': colours[each.label], 'impacts': each.impacts,
                 'drive_periods': each.drive_periods}, stamp).status)
     return state
@@ -351,7 +353,8 @@ def warm_up(settings: Settings) -> None:
     for basins in refine(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
                          is_dropped=lambda: False):
         follow((), points_of(basins.catalogue))
-    sketched_sets(Parameters(), planes[0].random_starts(Parameters(), 8, 1))
+    chaos = Parameters(alpha=1.1)
+    find_attractors(chaos, planes[0].random_starts(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -14,18 +14,15 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.utilities import try_shutdown
 from rich.console import Console
 from rich.live import Live
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
+from .client import ClientError, PUT, RESET, SimulatorClient
 from .display import render, Status
 from .processes import Processes
 from .services import tolerant
@@ -64,9 +61,7 @@ class Monitor(Node):
              qos_profile_parameter_events),
         ):
             self.create_subscription(kind, name, tolerant(self, name, take), qos)
-        self.set_parameters_client = self.create_client(
-            SetParametersAtomically, 'simulator/set_parameters_atomically')
-        self.reset_client = self.create_client(Trigger, 'simulator/reset')
+        self.simulator = SimulatorClient(self, 'simulator', (PUT, RESET))
 
     def _take_exponents(self, message: JointState) -> None:
         values = dict(zip(message.name, message.position, strict=True))
@@ -248,20 +243,10 @@ class Suite:
 
     def _begin(self, step: Step, monitor: Monitor) -> None:
         if step.parameters:
-            self._call(monitor.set_parameters_client, SetParametersAtomically.Request(parameters=[
-                Parameter(name, value=value).to_parameter_msg()
-                for name, value in step.parameters.items()]))
+            monitor.simulator.put(step.parameters)
         if step.reset:
-            self._call(monitor.reset_client, Trigger.Request())
-
-    def _call(self, client: Client, request: object) -> None:
-        # A service that has just been discovered may not know yet where to send its answer.
-        for _ in range(3):
-            future = client.call_async(request)
-            self._executor.spin_until_future_complete(future, timeout_sec=3.0)
-            if future.done():
-                return
-        raise SuiteError(f'{client.srv_name} does not answer')
+            monitor.simulator.reset()
+        monitor.simulator.finish(self._executor)
 
 
 def _steps(options: argparse.Namespace) -> Sequence[Step]:
@@ -383,7 +368,7 @@ def main(arguments: list[str] | None = None) -> int:
         suite.finish()
     except KeyboardInterrupt:
         return 0
-    except (SuiteError, StartError, ValueError) as error:
+    except (ClientError, SuiteError, StartError, ValueError) as error:
         print(f'suite: {error}', file=sys.stderr)
         return 2
     return 0

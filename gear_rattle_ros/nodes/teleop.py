@@ -1,7 +1,9 @@
 """The keyboard control: steers a simulator from a terminal."""
 
+import math
 import signal
 import sys
+import threading
 import time
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -10,10 +12,10 @@ from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
 from .arguments import explained
+from .client import ClientError, RefusalError, SimulatorClient
 from .services import harden
 from .shell import GivenNode, initialise, StartError, Stop
 from .teleop_keys import Entry, Keys
-from .teleop_link import Link
 from .teleop_terminal import Terminal
 from ..parameters import declare, TELEOP
 from ..scenes import load_scenes, Performance
@@ -22,6 +24,9 @@ from ..scenes import load_scenes, Performance
 SOON, LATER = 0.02, 0.1
 MORE = ('up', 'right', 'shift-up', 'shift-right')
 LESS = ('down', 'left', 'shift-down', 'shift-left')
+SHOWN = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitution', 'noise', 'rate')
+# How often the parameters are looked at, apart from every change [s].
+LOOK_EVERY = 0.25
 
 
 class Teleop:
@@ -29,7 +34,12 @@ class Teleop:
 
     def __init__(self, node: Node) -> None:
         values = declare(node, TELEOP)
-        self.link = Link(node, str(values['simulator']))
+        self.simulator = SimulatorClient(node, str(values['simulator']))
+        # The parameters of the simulator, none while it is not there, and what is said of it.
+        self._values: dict[str, float] = {}
+        self._words = ''
+        self._paused = False
+        self._looked = -math.inf
         self.is_over = False
         self._scenes = list(load_scenes().values())[:9]
         self._coarse, self._fine = float(values['coarse']), float(values['fine'])
@@ -40,8 +50,9 @@ class Teleop:
         # Time of the scene, which stands still in a pause [s].
         self._played = 0.0
         self._before = time.monotonic()
-        # Where the arrows lead while settings of alpha are under way [1].
+        # Where the arrows lead while settings of alpha are under way, and whether one is due [1].
         self._aim: float | None = None
+        self._is_due = False
 
     def help_text(self) -> str:
         """Return what the keys do."""
@@ -49,7 +60,7 @@ class Teleop:
             f'  {number}        scene {scene.name}: {scene.title}'
             for number, scene in enumerate(self._scenes, 1))
         return (
-            f'The keyboard steers {self.link.name}:\n'
+            f'The keyboard steers {self.simulator.name}:\n'
             f'  arrows   alpha: up and right add {self._coarse:g}, down and left take it away; '
             f'with shift {self._fine:g}\n'
             '  space    pause, and go on\n'
@@ -63,19 +74,19 @@ class Teleop:
         """Return the present state."""
         if self._entry is not None:
             return f'{self._entry.question}{self._entry.text}_'
-        link, values = self.link, self.link.values
-        if not link.is_here:
-            why = link.words or f'no simulator at {link.name}'
+        values = self._values
+        if not values:
+            why = self._words or f'no simulator at {self.simulator.name}'
             return f'{why}; waiting (q ends; name another with -p simulator:=NAME)'
         alpha = f'alpha {values["alpha"]:.10g}'
         if values['alpha_rate'] > 0.0:
             alpha += f' -> {values["alpha_target"]:g} by {values["alpha_rate"]:g}'
         speed = f'{values["rate"]:g} periods/s' if values['rate'] > 0.0 else 'full speed'
-        parts = [alpha, 'paused' if link.paused else speed]
+        parts = [alpha, 'paused' if self._paused else speed]
         if self._performance is not None:
             parts.append(f'scene {self._scene}')
-        if link.words:
-            parts.append(link.words)
+        if self._words:
+            parts.append(self._words)
         parts.append(f'beta {values["beta"]:g} gamma {values["gamma"]:g} '
                      f'r {values["restitution"]:g} noise {values["noise"]:g}')
         return ' | '.join(parts)
@@ -92,45 +103,78 @@ class Teleop:
             self.is_over = True
         elif key in ('h', '?'):
             return self.help_text()
-        elif self.link.is_here:
+        elif self._values:
             self._steer(key)
         return ''
 
     def tick(self) -> None:
         """Take answers, and go on with a scene."""
         now = time.monotonic()
-        self.link.tick(now)
-        if not self.link.has_asked:
-            self._aim = None
-        if not self.link.is_here:
-            self._performance = self._entry = None
-        elif self._performance is not None and not self.link.has_asked:
-            self._play()
-        if not self.link.paused:
+        is_there = self.simulator.count > 0
+        if self._values and not is_there:
+            self._lose(f'{self.simulator.name} has gone')
+        try:
+            self.simulator.tick()
+        except RefusalError as error:
+            self._words = str(error).removeprefix(f'{self.simulator.name} ')
+        except ClientError as error:
+            self._lose(str(error))
+        if is_there and not self.simulator.is_busy:
+            self._ask(now)
+        if not self._paused:
             self._played += now - self._before
         self._before = now
 
+    def _ask(self, now: float) -> None:
+        if self._is_due and self._aim is not None:
+            self.simulator.put({'alpha': self._aim})
+            self._is_due = False
+        else:
+            self._aim = None
+            if self._performance is not None:
+                self._play()
+        if self.simulator.is_busy or now > self._looked + LOOK_EVERY:
+            self._looked = now
+            self.simulator.get(SHOWN, self._look)
+
+    def _look(self, values: dict[str, float]) -> None:
+        self._words = self._words if self._values else f'{self.simulator.name} is here'
+        self._values = values
+
+    def _lose(self, words: str) -> None:
+        self.simulator.forget()
+        self._values, self._words, self._paused = {}, words, False
+        self._performance = self._entry = None
+        self._is_due = False
+
+    def _say(self, words: str) -> None:
+        self._words = words.split(';')[0]
+
+    def _pause(self, paused: bool) -> None:
+        def then(_: str) -> None:
+            self._paused = paused
+
+        self.simulator.pause(paused, then)
+
     def _steer(self, key: str) -> None:
-        link = self.link
         if key in MORE + LESS:
             step = self._fine if key.startswith('shift') else self._coarse
-            before = link.values['alpha'] if self._aim is None else self._aim
+            before = self._values['alpha'] if self._aim is None else self._aim
             # Steps of a hundredth lead to hundredths.
             self._aim = max(round(before + (step if key in MORE else -step), 12), 0.0)
-            self._performance = None
-            link.put({'alpha': self._aim})
+            self._performance, self._is_due = None, True
         elif key == 'space':
-            link.pause(not link.paused)
+            self._pause(not self._paused)
         elif key == 'r':
-            link.reset()
+            self.simulator.reset(self._say)
         elif key == 'a':
             self._entry = Entry('ramp alpha to (Escape: not at all): ')
         elif key.isdigit() and 1 <= int(key) <= len(self._scenes):
             scene = self._scenes[int(key) - 1]
             self._scene, self._performance = scene.name, Performance(scene.steps)
-            link.words = ''
-            if link.paused:
-                link.pause(False)
+            self._words, self._is_due = '', False
+            if self._paused:
+                self._pause(False)
 
     def _begin_ramp(self, text: str) -> None:
         if not text:
@@ -139,24 +183,24 @@ class Teleop:
             target, *rates = map(float, text.split())
             rate, = rates or [self._ramp_rate]
         except ValueError:
-            self.link.words = f'{text!r} is no number, nor two'
+            self._words = f'{text!r} is no number, nor two'
             return
-        self._performance = None
-        self.link.put({'alpha_target': target, 'alpha_rate': rate}, 'ramp')
+        self._performance, self._is_due, self._words = None, False, 'ramp'
+        self.simulator.put({'alpha_target': target, 'alpha_rate': rate})
 
     def _play(self) -> None:
-        performance, alpha = self._performance, self.link.values['alpha']
+        performance, alpha = self._performance, self._values['alpha']
         assert performance is not None
         step = performance.due(self._played, alpha)
         if step is not None:
             if step.parameters:
-                self.link.put(step.parameters)
+                self.simulator.put(step.parameters)
                 self._aim = step.parameters.get('alpha')
             if step.reset:
-                self.link.reset()
+                self.simulator.reset(self._say)
         elif performance.is_over(self._played, alpha):
             self._performance = None
-            self.link.words = f'scene {self._scene} is over; the simulator goes on'
+            self._words = f'scene {self._scene} is over; the simulator goes on'
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -182,7 +226,12 @@ def main(arguments: list[str] | None = None) -> int:
         with Terminal() as terminal:
             executor = SingleThreadedExecutor()
             executor.add_node(node)
-            _run(teleop, terminal, executor, stop)
+            # DDS keeps ten answers, those to other clients among them: they are taken at once.
+            threading.Thread(target=executor.spin, daemon=True).start()
+            try:
+                _run(teleop, terminal, stop)
+            finally:
+                executor.shutdown()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
@@ -191,12 +240,11 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _run(teleop: Teleop, terminal: Terminal, executor: SingleThreadedExecutor,
-         stop: Stop) -> None:
+def _run(teleop: Teleop, terminal: Terminal, stop: Stop) -> None:
     keys, shown = Keys(), ''
     terminal.write_lines(teleop.help_text())
     while not (stop.asked or teleop.is_over):
-        typed = terminal.read(SOON if teleop.link.is_busy or keys.is_open else LATER)
+        typed = terminal.read(SOON if teleop.simulator.is_busy or keys.is_open else LATER)
         if typed is None:
             return
         for key in keys.take(typed) if typed else keys.rest():
@@ -204,7 +252,6 @@ def _run(teleop: Teleop, terminal: Terminal, executor: SingleThreadedExecutor,
             if lines:
                 terminal.write_lines(lines)
                 shown = ''
-        executor.spin_once(timeout_sec=0.0)
         teleop.tick()
         line = teleop.line()
         if line != shown or terminal.was_continued:

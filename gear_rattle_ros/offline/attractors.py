@@ -4,132 +4,38 @@ import argparse
 from collections.abc import Mapping
 import dataclasses
 import json
-import math
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from . import cli, options
+from .catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
 from .grid import Plane
 from .layout import Layout
-from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
+from .search import CONSERVES, conserves_areas, find_attractors, STARTS
 from .store import Store
 from .store_making import make_store
-from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..core.elementary import TWO_PI
 from ..core.model import Parameters
-from ..core.periodic import Orbit
 
 NAME: Final = 'attractors'
 TITLE: Final = 'Attractors of the gear-rattling model'
-ENDS: Final = {RESTS_UPPER: 'rest-upper', RESTS_LOWER: 'rest-lower', FLOATING: 'floating'}
 TableOfArrays = dict[str, tuple[tuple[str, ...], npt.ArrayLike, Mapping[str, Any]]]
 
 
-@dataclasses.dataclass(frozen=True)
-class Attractor:
-    """
-    One attractor.
-
-    Attributes
-    ----------
-    key : str
-        Its name, the same in every run: that of a periodic orbit is made of its period and its
-        first point, that of a chaotic one of the shortest periodic orbit on it.
-    kind : str
-        'periodic', 'chaotic', 'resting' on a wall or 'floating' between them for ever.
-    label : int
-        Its number in grids.
-    impacts, drive_periods : int
-        Period of an orbit; 0 for others.
-    pieces : int
-        Connected parts on the section; the points of an orbit; 0 at rest.
-    multipliers : tuple of complex
-        Eigenvalues of the tangent over a period; nan off orbits.
-    exponents, errors : tuple of float
-        Lyapunov exponents per impact and their standard errors [1]; errors of an orbit are zero.
-    exact_sum : float
-        What their sum must be [1].
-    starts : int
-        Random starts that have settled on it.
-    share, share_error : float
-        Their part of all, with the standard error of a binomial share [1].
-    points : ndarray of float, shape (q, 4)
-        Wall (0 upper, 1 lower), phase [rad], velocity and time since the impact before [1] of an
-        orbit.
-
-    """
-
-    key: str
-    kind: str
-    label: int
-    impacts: int = 0
-    drive_periods: int = 0
-    pieces: int = 0
-    multipliers: tuple[complex, complex] = (complex(math.nan), complex(math.nan))
-    exponents: tuple[float, float] = (math.nan, math.nan)
-    errors: tuple[float, float] = (math.nan, math.nan)
-    exact_sum: float = math.nan
-    starts: int = 0
-    share: float = 0.0
-    share_error: float = 0.0
-    points: npt.NDArray[np.float64] = dataclasses.field(
-        default_factory=lambda: np.zeros((0, 4)))
-
-    def describe(self) -> str:
-        """
-        Put it in words.
-
-        Returns
-        -------
-        str
-            One line.
-
-        """
-        share = f'{100.0 * self.share:.2f} +- {100.0 * self.share_error:.2f} %'
-        words = f'{self.label:3d}  {self.key:32s} {share:>18s}  {self.kind}'
-        if self.kind == 'periodic':
-            largest = max(abs(value) for value in self.multipliers)
-            words += (f': {self.impacts} impacts in {self.drive_periods} drive periods, '
-                      f'largest multiplier {largest:.6f}')
-        if self.kind == 'chaotic':
-            words += (f': {self.pieces} pieces, exponents {self.exponents[0]:.5f} +- '
-                      f'{self.errors[0]:.5f}, {self.exponents[1]:.5f} +- {self.errors[1]:.5f}')
-        return words
-
-
-def attractors_of(catalogue: Catalogue, late: tuple[Orbit, ...] = ()) -> tuple[Attractor, ...]:
-    """
-    List the attractors of a catalogue.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        What a search has found.
-    late : tuple of Orbit
-        Orbits that it had missed.
-
-    Returns
-    -------
-    tuple of Attractor
-        In the order of their labels: periodic, chaotic, late, at rest, floating.
-
-    """
-    found = [_of_orbit(orbit, number, catalogue.parameters)
-             for number, orbit in enumerate(catalogue.orbits)]
-    for chaotic in catalogue.chaotic:
-        report = chaotic.exponents
-        found.append(Attractor(
-            chaotic.key, 'chaotic', len(found), pieces=chaotic.pieces,
-            exponents=(report.lambda_1, report.lambda_2),
-            errors=(report.lambda_1_error, report.lambda_2_error), exact_sum=report.exact_sum))
-    for orbit in late:
-        found.append(_of_orbit(orbit, len(found), catalogue.parameters))
-    for label, key in ENDS.items():
-        if np.any(catalogue.labels == label):
-            found.append(Attractor(key, 'floating' if label == FLOATING else 'resting', label))
-    return tuple(_with_share(each, catalogue.labels) for each in found)
+def describe(attractor: Attractor) -> str:
+    """Put an attractor in one line."""
+    share = f'{100.0 * attractor.share:.2f} +- {100.0 * attractor.share_error:.2f} %'
+    words = f'{attractor.label:3d}  {attractor.key:32s} {share:>18s}  {attractor.kind.value}'
+    if attractor.kind is Kind.PERIODIC:
+        largest = max(abs(value) for value in attractor.multipliers)
+        words += (f': {attractor.impacts} impacts in {attractor.drive_periods} drive periods, '
+                  f'largest multiplier {largest:.6f}')
+    if attractor.kind is Kind.CHAOTIC:
+        (first, second), errors = attractor.exponents, attractor.errors
+        words += (f': {attractor.pieces} pieces, exponents {first:.5f} +- {errors[0]:.5f}, '
+                  f'{second:.5f} +- {errors[1]:.5f}')
+    return words
 
 
 def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
@@ -148,20 +54,22 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
 
     """
     one = ('attractor',)
-
-    def column(name: str, words: str, units: str = '1') -> None:
-        table[f'attractor_{name}'] = (one, np.array([getattr(each, name) for each in attractors]),
-                                      {'long_name': words, 'units': units})
-
     table: TableOfArrays = {}
     for name, words in (
-        ('key', 'name of the attractor'), ('kind', 'periodic, chaotic, resting or floating'),
+        ('key', 'name of the attractor'),
+        ('kind', 'periodic, chaotic, resting, floating or unsettled'),
         ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
-        ('drive_periods', 'drive periods of a period'), ('pieces', 'parts on the section'),
-        ('exact_sum', 'exact sum of the exponents'), ('starts', 'random starts settled on it'),
-        ('share', 'share of the random starts'), ('share_error', 'standard error of the share'),
+        ('drive_periods', 'drive periods of a period'),
+        ('pieces', 'parts visited in turn on one wall'),
+        ('exact_sum', 'exact sum of the exponents'),
+        ('settled', 'random initial conditions settled on it'),
+        ('share', 'share of the random initial conditions'),
+        ('share_error', 'standard error of the share'),
     ):
-        column(name, words, '' if name in ('key', 'kind') else '1')
+        column = [getattr(each, name) for each in attractors]
+        table[f'attractor_{name}'] = (
+            one, np.array([value.value if isinstance(value, Kind) else value for value in column]),
+            {'long_name': words, 'units': '' if name in ('key', 'kind') else '1'})
     multipliers = np.array([each.multipliers for each in attractors]).reshape(-1, 2)
     pair = ('attractor', 'pair')
     for name, values, words in (
@@ -173,10 +81,12 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
          'standard errors of the exponents'),
     ):
         table[f'attractor_{name}'] = (pair, values, {'long_name': words, 'units': '1'})
-    points = np.concatenate([np.zeros((0, 4)), *(each.points for each in attractors)])
-    owners = [each.label for each in attractors for _ in each.points]
+    orbits = [each for each in attractors if each.orbit]
+    points = np.concatenate([np.zeros((0, 4)), *(np.column_stack(
+        [each.points(), each.orbit.flight_times]) for each in orbits if each.orbit)])
+    owners = [each.label for each in orbits for _ in range(each.impacts)]
     for index, (name, words, units) in enumerate((
-        ('side', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the impact', 'rad'),
+        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the impact', 'rad'),
         ('velocity', 'velocity before the impact', '1'),
         ('flight_time', 'time since the impact before', '1'),
     )):
@@ -218,8 +128,7 @@ def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) 
     }
 
 
-def write_attractors(store: Store, attractors: tuple[Attractor, ...], catalogue: Catalogue
-                     ) -> None:
+def write_attractors(store: Store, catalogue: Catalogue) -> None:
     """
     Put the table of attractors into a store.
 
@@ -227,17 +136,14 @@ def write_attractors(store: Store, attractors: tuple[Attractor, ...], catalogue:
     ----------
     store : Store
         The store.
-    attractors : tuple of Attractor
-        The attractors.
     catalogue : Catalogue
-        Where they come from.
+        The attractors.
 
     """
-    store.write_table(table_of(attractors))
+    store.write_table(table_of(catalogue.attractors))
     store.set_attributes({
-        'labels': json.dumps({each.key: each.label for each in attractors}),
+        'labels': json.dumps({each.key: each.label for each in catalogue.attractors}),
         'random_starts': len(catalogue.labels),
-        'random_starts_unresolved': int(np.sum(catalogue.labels == UNRESOLVED)),
         'stay': catalogue.stay,
     })
 
@@ -280,18 +186,16 @@ def main(arguments: list[str] | None = None) -> int:
         catalogue = find_attractors(
             parameters, plane.random_starts(parameters, given.starts, given.seed),
             tolerance=given.tolerance, hold=given.hold, threads=run.threads, cluster=run.cluster)
-        found = attractors_of(catalogue)
-        write_attractors(store, found, catalogue)
+        write_attractors(store, catalogue)
         store.mark(0)
-        for each in found:
-            print(each.describe())
-        unresolved = int(np.sum(catalogue.labels == UNRESOLVED))
-        print(f'     unresolved: {unresolved:,} of {given.starts:,} starts after {given.hold:,} '
-              'impacts')
+        if conserves_areas(parameters):
+            print(CONSERVES)
+        for each in catalogue.attractors:
+            print(describe(each))
 
         def draw() -> cli.Figure:
             from .pictures import draw_section
-            return draw_section(catalogue, found)
+            return draw_section(catalogue)
 
         return run.finish(draw)
 
@@ -315,25 +219,3 @@ def require_tolerance(tolerance: float) -> None:
     """
     if not 1e-7 <= tolerance <= 0.1:
         raise ValueError(f'tolerance = {tolerance:g} is not between 1e-7 and 0.1')
-
-
-def _of_orbit(orbit: Orbit, label: int, parameters: Parameters) -> Attractor:
-    q = len(orbit.sides)
-    exponents = sorted((math.log(abs(value)) / q if value else -math.inf
-                        for value in orbit.multipliers), reverse=True)
-    contraction = math.log(parameters.restitution) if parameters.restitution else -math.inf
-    exact = 2.0 * contraction - parameters.beta * TWO_PI * orbit.drive_periods / q
-    return Attractor(
-        orbit.key, 'periodic', label, q, orbit.drive_periods, q, orbit.multipliers,
-        (exponents[0], exponents[1]), (0.0, 0.0), exact if orbit.sticks < 0 else -math.inf,
-        points=np.stack([orbit.sides.astype(np.float64), orbit.phases, orbit.velocities,
-                         orbit.flight_times], axis=1))
-
-
-def _with_share(attractor: Attractor, labels: npt.NDArray[np.int64]) -> Attractor:
-    starts, total = int(np.sum(labels == attractor.label)), len(labels)
-    # As if two more had settled on it and two elsewhere: a share of none or all has an error too.
-    share = (starts + 2.0) / (total + 4.0)
-    return dataclasses.replace(
-        attractor, starts=starts, share=starts / total,
-        share_error=math.sqrt(share * (1.0 - share) / (total + 4.0)))

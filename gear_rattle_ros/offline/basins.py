@@ -8,15 +8,10 @@ from typing import Final
 import numpy as np
 
 from . import cli, options
-from .attractors import (
-    Attractor,
-    attractors_of,
-    identity_of,
-    require_tolerance,
-    write_attractors,
-)
+from .attractors import describe, identity_of, require_tolerance, write_attractors
+from .catalogue import Catalogue, HOLD, TOLERANCE
 from .grid import Plane
-from .search import Catalogue, find_attractors, HOLD, STARTS, TOLERANCE
+from .search import find_attractors, STARTS
 from .store import Store
 from .tiles import compute_grid, grid_layout, open_grid
 from ..core.classify import UNRESOLVED
@@ -59,7 +54,7 @@ class Settings:
 
 
 def compute_basins(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings,
-                   title: str = TITLE) -> tuple[Store, Catalogue, tuple[Attractor, ...]]:
+                   title: str = TITLE) -> tuple[Store, Catalogue]:
     """
     Compute a grid into a store.
 
@@ -79,7 +74,7 @@ def compute_basins(parameters: Parameters, plane: Plane, run: cli.Run, settings:
     Returns
     -------
     tuple
-        The store, the catalogue of the search, and all attractors.
+        The store, and all attractors.
 
     """
     require_tolerance(settings.tolerance)
@@ -92,10 +87,9 @@ def compute_basins(parameters: Parameters, plane: Plane, run: cli.Run, settings:
         parameters, plane.random_starts(parameters, settings.starts, settings.seed),
         tolerance=settings.tolerance, hold=settings.hold, chaotic=settings.chaotic,
         threads=run.threads)
-    late = compute_grid(store, parameters, plane, catalogue, settings.cap, run)
-    attractors = attractors_of(catalogue, late)
-    write_attractors(store, attractors, catalogue)
-    return store, catalogue, attractors
+    catalogue = compute_grid(store, plane, catalogue, settings.cap, run)
+    write_attractors(store, catalogue)
+    return store, catalogue
 
 
 def count_labels(store: Store) -> dict[int, int]:
@@ -212,20 +206,7 @@ def settings_of(given: argparse.Namespace, chaotic: bool = True) -> Settings:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `basins`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
-
-    """
+    """Run the command `basins`."""
     parser = options.Parser(
         NAME, description='Find on which attractor every start of a grid settles.')
     options.add_model(parser)
@@ -256,20 +237,20 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings) -> int:
     try:
-        store, catalogue, attractors = compute_basins(parameters, plane, run, settings)
+        store, catalogue = compute_basins(parameters, plane, run, settings)
     except KeyboardInterrupt:
         return cli.say_stopped(run)
     counts = count_labels(store)
     cells = plane.phases * plane.velocities
-    for each in attractors:
-        print(f'{counts.get(each.label, 0) / cells:8.3%} of the grid  {each.describe()}')
+    for each in catalogue.attractors:
+        print(f'{counts.get(each.label, 0) / cells:8.3%} of the grid  {describe(each)}')
     print(f'{counts.get(UNRESOLVED, 0) / cells:8.3%} of the grid   unresolved after '
           f'{settings.cap:,} impacts: {counts.get(UNRESOLVED, 0):,} starts')
 
     def draw() -> cli.Figure:
         from .pictures import draw_basins, in_words, thinned
         labels = store.read_every('label', thinned(plane))
-        return draw_basins(labels.astype(np.int64), plane, attractors,
+        return draw_basins(labels.astype(np.int64), plane, catalogue.attractors,
                            f'Basins of attraction, {in_words(catalogue)}, '
                            f's = {plane.displacement:g}')
 

@@ -15,11 +15,11 @@ from typing import Final, Protocol
 
 from .engine import EngineError
 from .options import whole
+from .plain import attempt, INTERRUPTED
 from .progress import Progress, telling_of_compilation
 from .store import Store, StoreError
 
 PACKAGE: Final = 'gear_rattle_ros'
-INTERRUPTED: Final = 130
 # Endings of pictures.
 PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
 
@@ -168,34 +168,7 @@ def run_tool(parser: argparse.ArgumentParser, arguments: list[str] | None, outpu
         except KeyboardInterrupt:
             return say_stopped(run)
 
-    return attempt(parser.prog, action)
-
-
-def attempt(name: str, action: Callable[[], int]) -> int:
-    """
-    Do something and turn what goes wrong into one line and an exit status.
-
-    Parameters
-    ----------
-    name : str
-        The tool.
-    action : callable
-        Does everything and returns an exit status.
-
-    Returns
-    -------
-    int
-        That status; 2 where the input is wrong or something cannot be written.
-
-    """
-    try:
-        return action()
-    except (EngineError, MemoryError, StoreError, ValueError) as error:
-        message = str(error) or 'not enough memory'
-    except OSError as error:
-        message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
-    print(f'{name}: {message}', file=sys.stderr)
-    return 2
+    return attempt(parser.prog, action, EngineError, StoreError)
 
 
 def say_stopped(run: Run) -> int:

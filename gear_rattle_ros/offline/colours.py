@@ -8,10 +8,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .search import Catalogue
-from ..core.classify import BOXES, FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..core.elementary import TWO_PI
-from ..core.periodic import Orbit
+from .catalogue import Catalogue, Kind
+from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
+from ..core.section import turn
 
 # Told apart by the colour-blind too (after Okabe & Ito), then darker and lighter ones of them.
 HUES: Final = ('#0072b2', '#e69f00', '#009e73', '#cc79a7', '#d55e00', '#56b4e9', '#f0e442',
@@ -47,7 +46,7 @@ class Trace:
     is_chaotic: bool
 
 
-def points_of(catalogue: Catalogue, late: tuple[Orbit, ...] = ()) -> list[tuple[FloatArray, bool]]:
+def points_of(catalogue: Catalogue) -> list[tuple[FloatArray, bool]]:
     """
     List where the attractors of a catalogue hit the walls.
 
@@ -55,8 +54,6 @@ def points_of(catalogue: Catalogue, late: tuple[Orbit, ...] = ()) -> list[tuple[
     ----------
     catalogue : Catalogue
         What a search has found.
-    late : tuple of Orbit
-        Orbits that it had missed.
 
     Returns
     -------
@@ -65,19 +62,8 @@ def points_of(catalogue: Catalogue, late: tuple[Orbit, ...] = ()) -> list[tuple[
         whether the attractor is chaotic.
 
     """
-    def of_orbit(orbit: Orbit) -> tuple[FloatArray, bool]:
-        return np.stack([orbit.sides.astype(np.float64), orbit.phases, orbit.velocities],
-                        axis=1), False
-
-    found = [of_orbit(orbit) for orbit in catalogue.orbits]
-    for chaotic in catalogue.chaotic:
-        side, row, column = np.nonzero(chaotic.boxes)
-        thin = slice(None, None, -(-len(side) // MOST))
-        speed = (row[thin] + 0.5) * catalogue.box_speed / BOXES
-        found.append((np.stack([
-            side[thin].astype(np.float64), (column[thin] + 0.5) * TWO_PI / BOXES,
-            np.where(side[thin] == 0, speed, -speed)], axis=1), True))
-    return [*found, *(of_orbit(orbit) for orbit in late)]
+    return [(each.points(MOST), each.kind is Kind.CHAOTIC) for each in catalogue.attractors
+            if each.label >= 0]
 
 
 def distance(first: FloatArray, second: FloatArray) -> float:
@@ -96,8 +82,8 @@ def distance(first: FloatArray, second: FloatArray) -> float:
         where one has a wall that the other does not touch.
 
     """
-    turn = np.abs(first[:, None, 1] - second[None, :, 1]) % TWO_PI
-    apart = np.hypot(np.minimum(turn, TWO_PI - turn), first[:, None, 2] - second[None, :, 2])
+    apart = np.hypot(turn(first[:, None, 1] - second[None, :, 1]),
+                     first[:, None, 2] - second[None, :, 2])
     apart = np.where(first[:, None, 0] == second[None, :, 0], apart, math.inf)
     return float(max(np.mean(np.min(apart, axis=0)), np.mean(np.min(apart, axis=1))))
 

@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 
 from .cli import Figure, Run, run_tool
+from .columns import Window
 from .diagram import Diagram
-from .ensembles import Window
 from .events import Event, events_of, HEADING, searches_of
 from .options import (
     add_alpha_window,
@@ -23,6 +23,7 @@ from .options import (
 from .orbit_diagram import compute
 from .progress import Progress
 from .store import Store
+from ..core.raster import BLOCKS
 
 
 # Of the velocities by which attractors are matched from alpha to alpha.
@@ -119,8 +120,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--trajectories', type=whole(1), default=256, metavar='N',
                         help='at each alpha; 256 by default')
     parser.add_argument('--skip', type=whole(1), default=4000, metavar='N',
-                        help='impacts passed over; 4000 by default')
-    parser.add_argument('--keep', type=whole(256), default=512, metavar='N',
+                        help='impacts passed over at least where nothing settles; 4000 by default')
+    parser.add_argument('--keep', type=whole(BLOCKS), default=512, metavar='N',
                         help='impacts looked at then; 512 by default')
     parser.add_argument('--tolerance', type=number, default=1e-7, metavar='X',
                         help='of the ends of chaotic attractors, in alpha [1]; 1e-7 by default')
@@ -135,7 +136,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise ValueError(f'--tolerance {given.tolerance:g} is not between 1e-12 and 1e-2')
         diagram = Diagram(
             model_of(given), (given.alpha[0], given.alpha[1]), given.columns, plane_of(given),
-            given.trajectories, given.seed, Window(given.skip, given.keep, bins=BINS),
+            given.trajectories, given.seed,
+            Window(given.keep, bins=BINS, hold=max(given.hold, given.skip)),
             ('starts',))
         store = compute(diagram, run)
         write_events(store, locate(diagram, store, given.tolerance, given.hold))

@@ -185,20 +185,7 @@ def report(store: Store, law: LifetimeLaw) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `crisis`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status.
-
-    """
+    """Run the command `crisis`."""
     parser = Parser('crisis', description='Locate a boundary crisis, by the tangency of manifolds '
                     'and by escape rates, and fit the law of the lifetimes.')
     add_alpha_window(parser, 1.23, 1.25, 'before and beyond the crisis')

@@ -7,7 +7,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from .ensembles import Kind, Settled, Window
+from .catalogue import Kind
+from .columns import Branch, Window
 from .grid import Plane
 from .layout import Axis, Layout, Variable
 from ..core.lanes_step import LANES
@@ -20,6 +21,8 @@ SLOTS: Final = 6
 TILE: Final = 8
 SWEEPS: Final = ('starts', 'up', 'down')
 KINDS: Final = tuple(kind.value for kind in Kind)
+# Longest name.
+KEY: Final = '<U48'
 STATE: Final = ('phase', 'displacement', 'velocity')
 
 
@@ -140,7 +143,7 @@ def layout_of(diagram: Diagram) -> Layout:
         'trajectories': diagram.trajectories, 'seed': diagram.seed,
         'displacement': diagram.plane.displacement, 'phase_window': list(diagram.plane.phase),
         'start_velocity_window': list(diagram.plane.velocity),
-        'impacts_skipped': window.skip, 'impacts_counted': window.keep,
+        'hold': window.hold, 'impacts_counted': window.keep,
         'velocity_window': [window.low, window.high], 'bins': window.bins,
         'sweeps': list(diagram.sweeps)}
     return Layout(
@@ -154,6 +157,7 @@ def layout_of(diagram: Diagram) -> Layout:
          Axis('state', np.array(STATE), {'long_name': 'phase [rad], displacement, velocity [1]'})),
         (Variable('count', (*slot, 'velocity'), '<u4', {
             'long_name': 'impacts counted', **one}),
+         Variable('key', slot, KEY, {'long_name': 'name of the attractor, empty for none'}, ''),
          Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
          Variable('kind', slot, '|i1', {
              'long_name': 'what it is: ' + ', '.join(
@@ -168,21 +172,21 @@ def layout_of(diagram: Diagram) -> Layout:
              'long_name': 'standard error; 0 from exact multipliers', **one}, math.nan),
          Variable('exact_sum', slot, '<f8', {
              'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}, math.nan),
-         Variable('impact_state', (*slot, 'state'), '<f8', {
-             'long_name': 'an impact on it: phase [rad], displacement, velocity before it [1]'},
+         Variable('member_state', (*slot, 'state'), '<f8', {
+             'long_name': 'where one of its trajectories is; of an orbit, at an impact'},
              math.nan),
          Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
              'long_name': 'last state of the trajectories that are followed'}, math.nan)),
         identity)
 
 
-def describe(columns: list[list[Settled]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
+def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
     """
     Lay out the attractors of some columns as arrays.
 
     Parameters
     ----------
-    columns : list of list of Settled
+    columns : list of list of Branch
         The attractors at each alpha.
     diagram : Diagram
         The diagram.
@@ -195,31 +199,30 @@ def describe(columns: list[list[Settled]], diagram: Diagram) -> dict[str, npt.ND
     """
     shape = (len(columns), SLOTS)
     values: dict[str, npt.NDArray[Any]] = {
-        'count': np.zeros((*shape, diagram.window.bins), np.uint32),
+        'count': np.zeros((*shape, diagram.window.bins), np.uint32), 'key': np.zeros(shape, KEY),
         'share': np.zeros(shape), 'kind': np.full(shape, -1, np.int8),
         'period_impacts': np.zeros(shape, np.int32), 'period_drive': np.zeros(shape, np.int32),
         'exponent': np.full(shape, math.nan), 'exponent_error': np.full(shape, math.nan),
         'exact_sum': np.full(shape, math.nan),
-        'impact_state': np.full((*shape, len(STATE)), math.nan)}
-    p = diagram.parameters
+        'member_state': np.full((*shape, len(STATE)), math.nan)}
     for c, found in enumerate(columns):
-        total = sum(len(one.members) for one in found)
         for k, one in enumerate(found):
             slot = c, min(k, SLOTS - 1)
             values['count'][slot] += one.counts.astype(np.uint32)
-            values['share'][slot] += len(one.members) / total
+            values['share'][slot] += one.attractor.share
             if k >= SLOTS:
                 continue
-            values['kind'][slot] = KINDS.index(one.kind.value)
-            velocity = float(one.impact['velocity'])
-            values['impact_state'][slot] = (one.impact['phase'], -float(np.signbit(velocity)),
-                                            velocity)
+            values['key'][slot] = one.attractor.key
+            values['kind'][slot] = KINDS.index(one.attractor.kind.value)
             values['exponent'][slot] = one.exponent
             values['exponent_error'][slot] = one.exponent_error
-            if p.restitution > 0.0:
-                values['exact_sum'][slot] = (2.0 * math.log(p.restitution)
-                                             - p.beta * one.flight_time)
-            if one.orbit is not None:
-                values['period_impacts'][slot] = one.orbit.impacts
-                values['period_drive'][slot] = one.orbit.drive_periods
+            values['exact_sum'][slot] = one.exact_sum
+            orbit = one.attractor.orbit
+            if orbit:
+                values['member_state'][slot] = (orbit.phases[0], -float(orbit.walls[0]),
+                                                orbit.velocities[0])
+            elif len(one.states):
+                values['member_state'][slot] = [one.states[0][name] for name in STATE]
+            values['period_impacts'][slot] = one.attractor.impacts
+            values['period_drive'][slot] = one.attractor.drive_periods
     return values

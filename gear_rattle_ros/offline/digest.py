@@ -55,15 +55,7 @@ class Thinned:
         self.rows = np.empty(0, kind)
 
     def add(self, rows: RowArray) -> None:
-        """
-        Take more rows.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n,)
-            The rows, in order.
-
-        """
+        """Take more rows."""
         numbers = np.arange(self._count, self._count + len(rows), dtype=np.uint64)
         self._count += len(rows)
         # Multiplicative hashing by the golden ratio, with the high bits mixed in.
@@ -138,15 +130,7 @@ class Digest:
         self._detector = TransientDetector()
 
     def add(self, events: EventArray) -> None:
-        """
-        Take the next batch.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records.
-
-        """
+        """Take the next batch."""
         for piece in self.guard.split(events):
             is_first = self.place is None
             self.place = advanced(self.place, piece)
@@ -188,20 +172,7 @@ class Digest:
 
 
 def in_words(word: Word) -> str:
-    """
-    Put what was found into a line.
-
-    Parameters
-    ----------
-    word : Word
-        What was found.
-
-    Returns
-    -------
-    str
-        With alpha and the number of the impact.
-
-    """
+    """Put what was found into a line, with alpha and the number of the impact."""
     text = f'impact {word.impact:,}, alpha {word.alpha:g}: '
     if word.report.regime is Regime.TRANSIENT:
         return text + 'a transient begins'
@@ -212,25 +183,7 @@ def in_words(word: Word) -> str:
 
 
 def digest_of(batches: Iterable[EventArray]) -> Digest:
-    """
-    Gather what a picture of a run needs.
-
-    Parameters
-    ----------
-    batches : iterable of ndarray of EVENT
-        A run, in order.
-
-    Returns
-    -------
-    Digest
-        The run; its memory does not grow with the number of batches.
-
-    Raises
-    ------
-    ValueError
-        If there is no impact in it.
-
-    """
+    """Gather what a picture of a run needs; ValueError where there is no impact in it."""
     digest = Digest()
     for events in gathered(batches):
         digest.add(events)
@@ -240,20 +193,7 @@ def digest_of(batches: Iterable[EventArray]) -> Digest:
 
 
 def gathered(batches: Iterable[EventArray]) -> Iterator[EventArray]:
-    """
-    Join small batches to larger ones as a run gets longer.
-
-    Parameters
-    ----------
-    batches : iterable of ndarray of EVENT
-        A run, in order.
-
-    Yields
-    ------
-    ndarray of EVENT, shape (n,)
-        The same records; each batch but the last has at least a thousandth of those so far.
-
-    """
+    """Join small batches to larger ones as a run gets longer."""
     waiting: list[EventArray] = []
     count = total = 0
     for events in batches:

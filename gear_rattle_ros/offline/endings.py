@@ -7,22 +7,26 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .ensembles import Ensemble, Followers, orbit_of, RECURS, Window
 from .escape_rates import EscapeRate, fit_law
 from .grid import make_starts
 from ..core.branches import Change, follow
+from ..core.classify import RecordArray
 from ..core.closed_orbits import Orbit
 from ..core.elementary import TWO_PI
+from ..core.flight import NO_WALL
 from ..core.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters
-from ..core.periodic import shortest_recurrence
-from ..core.raster import KEPT
+from ..core.periodic import find_orbit
+from ..core.recorded import record_impacts, starts_after
 from ..core.table import dilated
 
 FloatArray = npt.NDArray[np.float64]
-# Trajectories are looked at every so many impacts, and this often at least.
+# Trajectories are looked at every so many impacts, at the last of them, and this often at least.
 ROUND: Final = 2048
+KEPT: Final = 256
 ROUNDS: Final = 8
+# Impacts that recur so well are looked at for an orbit [1].
+RECURS: Final = 1e-4
 # The region of an attractor: boxes along phase and speed, up to so much above its fastest impact.
 BOXES: Final = 128
 ROOM: Final = 1.2
@@ -43,8 +47,8 @@ class Herd:
     ----------
     parameters : Parameters
         The parameters.
-    states : ndarray of float, shape (LANES, 3)
-        Phase [rad], displacement and velocity [1].
+    states : ndarray of START, shape (LANES,)
+        Where they are.
     region : ndarray of bool, shape (2, BOXES, BOXES)
         Where their impacts were, with all neighbours: wall, speed, phase.
     speed : float
@@ -53,11 +57,11 @@ class Herd:
     """
 
     parameters: Parameters
-    states: FloatArray
+    states: RecordArray
     region: npt.NDArray[np.bool_]
     speed: float
 
-    def strays(self, impacts: npt.NDArray[np.void]) -> npt.NDArray[np.bool_]:
+    def strays(self, impacts: RecordArray) -> npt.NDArray[np.bool_]:
         """Tell of rows of impacts which lie mostly outside the region."""
         inside = self.region[_places(impacts, self.speed)]
         inside &= np.abs(impacts['velocity']) < self.speed
@@ -71,14 +75,14 @@ class Escape:
 
     Attributes
     ----------
-    states : ndarray of float, shape (LANES, 3)
-        As of a `Herd`.
+    states : ndarray of START, shape (LANES,)
+        Where they are.
     captor : Orbit or None
         The orbit on which it has settled; None where it rests or goes on elsewhere.
 
     """
 
-    states: FloatArray
+    states: RecordArray
     captor: Orbit | None
 
 
@@ -107,7 +111,7 @@ class End:
     last: Herd
 
 
-def spread_out(parameters: Parameters, state: FloatArray) -> FloatArray:
+def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
     """
     Make states of many trajectories from one; chaos parts them.
 
@@ -120,16 +124,16 @@ def spread_out(parameters: Parameters, state: FloatArray) -> FloatArray:
 
     Returns
     -------
-    ndarray of float, shape (LANES, 3)
+    ndarray of START, shape (LANES,)
         The states.
 
     """
-    states = np.repeat(state[None], LANES, axis=0)
-    states[:, 2] *= 1.0 + 1e-6 * np.arange(LANES) / LANES
-    return states
+    phase, displacement, velocity = state
+    return make_starts(parameters, phase, displacement,
+                       velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
 
 
-def watch(parameters: Parameters, states: FloatArray, hold: int,
+def watch(parameters: Parameters, states: RecordArray, hold: int,
           before: Herd | None = None) -> Herd | Escape:
     """
     Watch whether trajectories stay on their attractor.
@@ -138,8 +142,8 @@ def watch(parameters: Parameters, states: FloatArray, hold: int,
     ----------
     parameters : Parameters
         The parameters.
-    states : ndarray of float, shape (LANES, 3)
-        On the attractor.
+    states : ndarray of START, shape (LANES,)
+        On the attractor; their parameters are not used.
     hold : int
         Impacts of each.
     before : Herd, optional
@@ -151,30 +155,25 @@ def watch(parameters: Parameters, states: FloatArray, hold: int,
         They all stay, or the first that does not.
 
     """
-    followers = Followers(make_starts(parameters, *states.T))
-    seen = []
+    seen: list[RecordArray] = []
+    away = np.ones(LANES, bool)
     rounds = max(ROUNDS, -(-hold // ROUND))
-    for _ in range(rounds):
-        ensemble = followers.run(parameters, Window(1, ROUND - 1, bins=1))
-        for captor in _captors(ensemble).values():
-            return Escape(followers.states(), captor)
-        seen.append(ensemble.last)
     # Outside for a while is a burst; who does not come back has left.
-    away = np.zeros(LANES, bool) if before is None else before.strays(seen[-1])
-    for _ in range(rounds):
-        if before is None or not away.any():
-            # The first impacts are still on their way from where the attractor was.
-            impacts = np.concatenate(seen[1:])
-            speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
-            region = np.zeros((2, BOXES, BOXES), bool)
-            region[_places(impacts, speed)] = True
-            return Herd(parameters, followers.states(), dilated(region), speed)
-        ensemble = followers.run(parameters, Window(1, ROUND - 1, bins=1))
-        for captor in _captors(ensemble).values():
-            return Escape(followers.states(), captor)
-        seen.append(ensemble.last)
-        away &= before.strays(ensemble.last)
-    return Escape(followers.states(), None)
+    while len(seen) < rounds or before is not None and len(seen) < 2 * rounds and away.any():
+        states, impacts, captors = _go_on(parameters, states)
+        for captor in captors.values():
+            return Escape(states, captor)
+        seen.append(impacts)
+        if before is not None and len(seen) >= rounds:
+            away &= before.strays(impacts)
+    if before is not None and away.any():
+        return Escape(states, None)
+    # The first impacts are still on their way from where the attractor was.
+    impacts = np.concatenate(seen[1:])
+    speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
+    region = np.zeros((2, BOXES, BOXES), bool)
+    region[_places(impacts, speed)] = True
+    return Herd(parameters, states, dilated(region), speed)
 
 
 def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance: float,
@@ -214,7 +213,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
             herd, low = trial, alpha
             continue
         captor = trial.captor
-        branch = None if captor is None else follow(
+        branch = None if captor is None or captor.sticks != NO_WALL else follow(
             captor, -direction, min(low, alpha), max(low, alpha), to_first_turn=True)
         if branch is not None and branch.turns and direction * (branch.turns[0].alpha - low) > 0.0:
             # The orbit was born on the way.
@@ -292,24 +291,21 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
         what happens in the first round of each says nothing.
 
     """
-    followers = Followers(make_starts(parameters, *herd.states.T))
+    states = herd.states
     counts = np.zeros(LANES, bool)
     escapes = rounds = 0
     while escapes < wanted and rounds * ROUND < most:
-        ensemble = followers.run(parameters, Window(1, ROUND - 1, bins=1))
-        gone = np.zeros(LANES, bool)
-        gone[list(_captors(ensemble))] = True
-        gone |= herd.strays(ensemble.last)
+        states, impacts, captors = _go_on(parameters, states)
+        gone = herd.strays(impacts)
+        gone[list(captors)] = True
         escapes += int(np.count_nonzero(gone & counts))
         rounds += int(np.count_nonzero(counts))
         counts = ~gone
         if gone.any():
-            states = followers.states()
-            stay = np.flatnonzero(~gone)
-            pool = states[stay] if len(stay) else herd.states
-            states[gone] = pool[np.arange(np.count_nonzero(gone)) % len(pool)]
-            states[gone, 2] *= 1.0 + 1e-6 * np.arange(1, 1 + np.count_nonzero(gone)) / LANES
-            followers = Followers(make_starts(parameters, *states.T))
+            pool = herd.states if gone.all() else states[~gone]
+            anew = pool[np.arange(np.count_nonzero(gone)) % len(pool)]
+            anew['velocity'] *= 1.0 + 1e-6 * np.arange(1, 1 + len(anew)) / LANES
+            states[gone] = anew
     rate = -math.log1p(-escapes / (rounds + 1.0)) / ROUND
     return EscapeRate(rate, rate / math.sqrt(max(1, escapes)), escapes, float(rounds * ROUND))
 
@@ -318,20 +314,24 @@ def _at(herd: Herd, alpha: float) -> Parameters:
     return dataclasses.replace(herd.parameters, alpha=min(max(alpha, 0.0), ALPHA_MAXIMUM))
 
 
-def _captors(ensemble: Ensemble) -> dict[int, Orbit | None]:
-    # Who is at rest (None), or on a stable orbit.
-    found: dict[int, Orbit | None] = {}
-    for i, impacts in enumerate(ensemble.last):
-        if ensemble.rests[i]:
-            found[i] = None
-        elif shortest_recurrence(impacts, KEPT // 2, RECURS):
-            orbit = orbit_of(impacts, ensemble.parameters)
-            if orbit is not None:
-                found[i] = orbit
-    return found
+def _go_on(parameters: Parameters, states: RecordArray
+           ) -> tuple[RecordArray, RecordArray, dict[int, Orbit | None]]:
+    # States after a round, its last impacts, and who is at rest (None) or on a stable orbit.
+    starts = make_starts(parameters, *(states[name] for name in (
+        'phase', 'displacement', 'velocity')))
+    rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
+    captors: dict[int, Orbit | None] = {int(i): None for i in np.flatnonzero(counts < KEPT)}
+    for i in np.flatnonzero(counts == KEPT):
+        orbit = find_orbit(parameters, rows[i], KEPT // 2, RECURS)
+        if orbit is not None:
+            captors[int(i)] = orbit
+    last = rows[:, -1]
+    after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
+                         last['velocity'])
+    return after, rows, captors
 
 
-def _places(impacts: npt.NDArray[np.void], speed: float
+def _places(impacts: RecordArray, speed: float
             ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     rows = np.minimum(np.abs(impacts['velocity']) * (BOXES / speed), BOXES - 1).astype(np.int64)
     columns = np.minimum(impacts['phase'] * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from .cli import Run
 from .engine import run_tiles
-from .ensembles import orbit_of, run_ensemble, Window
 from .escape_rates import escape_rate, EscapeRate
 from .grid import make_starts, Plane
 from .layout import Axis, Layout, Variable
+from .search import find_attractors
 from .store import Store
 from .store_making import make_store
 from .tangency import Tangency
@@ -25,6 +25,8 @@ from ..core.model import Parameters
 FloatArray = npt.NDArray[np.float64]
 # A trajectory that has settled on another stable orbit will never escape: it says nothing.
 ELSEWHERE: Final = 2
+# Impacts for which a survivor is looked at.
+SURVIVED_LOOK: Final = 1000
 # Escapes at an amplitude are counted in so many independent parts, a tile each.
 PARTS: Final = 8
 
@@ -159,10 +161,8 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     if len(survivors):
         states = ends[survivors]
         again = make_starts(parameters, states[:, 0], states[:, 1], states[:, 2])
-        ensemble = run_ensemble(again, parameters, Window(1, 512, bins=1))
-        for number, impacts, rests in zip(survivors, ensemble.last, ensemble.rests, strict=True):
-            if not rests and orbit_of(impacts, parameters) is not None:
-                fates[number] = ELSEWHERE
+        settled = find_attractors(parameters, again, hold=SURVIVED_LOOK, chaotic=False).labels
+        fates[survivors[settled >= 0]] = ELSEWHERE
     Store(output).write(tile, {'lifetime': lifetimes[None, None],
                                'fate': fates[None, None].astype(np.int8)})
     return int(lifetimes.sum())

@@ -8,19 +8,19 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from .catalogue import Kind
 from .diagram import Diagram, KINDS
 from .endings import End, find_end, Herd, spread_out, watch
 from .grid import make_starts
 from .store import Store
 from ..core.branches import Change, follow, leaving, Turn
 from ..core.closed_orbits import close_orbit, Orbit, same_orbit
-from ..core.elementary import TWO_PI
-from ..core.periodic import name_of
 from ..core.recorded import record_impacts
+from ..core.section import turn as turned
 
 FloatArray = npt.NDArray[np.float64]
-ORBIT: Final = KINDS.index('orbit')
-CHAOTIC: Final = KINDS.index('chaotic')
+PERIODIC: Final = KINDS.index(Kind.PERIODIC.value)
+CHAOTIC: Final = KINDS.index(Kind.CHAOTIC.value)
 # Doublings followed of each orbit, and the longest period [impacts].
 DOUBLINGS: Final = 7
 LONGEST: Final = 256
@@ -63,12 +63,7 @@ class Event:
     @property
     def key(self) -> str:
         """Name of the orbit, empty where there is none."""
-        if self.orbit is None:
-            return ''
-        walls, points = self.orbit.walls, self.orbit.points
-        first = min(range(len(walls)), key=lambda k: (walls[k], points[k, 0]))
-        return 'orbit-' + name_of(len(walls), self.orbit.drive_periods, int(walls[first]),
-                                  *map(float, points[first]))
+        return self.orbit.key if self.orbit else ''
 
     @property
     def multiplier(self) -> float:
@@ -131,7 +126,7 @@ class Family:
         gap = far.parameters.alpha - near.parameters.alpha
         share = (alpha - near.parameters.alpha) / gap if gap > 0.0 else 0.0
         ahead = far.points - near.points
-        ahead[:, 0] -= TWO_PI * np.round(ahead[:, 0] / TWO_PI)
+        ahead[:, 0] = turned(ahead[:, 0])
         here = close_orbit(near.walls, near.points + share * ahead, orbit.parameters)
         return here is not None and same_orbit(here, orbit, SAME)
 
@@ -165,7 +160,7 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
     """
     ends = []
     families: list[Family] = []
-    for n, column, slot in _seen(diagram, store, ORBIT):
+    for n, column, slot in _seen(diagram, store, PERIODIC):
         orbit = orbit_in(diagram, store, column, slot)
         if orbit is not None:
             home = next((one for one in families if one.holds(orbit)), None)
@@ -207,7 +202,7 @@ def searches_of(diagram: Diagram, store: Store) -> int:
         One for each orbit seen, some for each end of a chaotic attractor.
 
     """
-    return (sum(1 for _ in _seen(diagram, store, ORBIT))
+    return (sum(1 for _ in _seen(diagram, store, PERIODIC))
             + 2 * FOLLOWING * sum(1 for _ in _runs(diagram, store)))
 
 
@@ -231,7 +226,7 @@ def orbit_in(diagram: Diagram, store: Store, column: int, slot: int) -> Orbit | 
 
     """
     parameters = diagram.at(column)
-    state = _read(diagram, store, 'impact_state')[column, slot]
+    state = _read(diagram, store, 'member_state')[column, slot]
     period = int(_read(diagram, store, 'period_impacts')[column, slot])
     rows, _ = record_impacts(make_starts(parameters, *state[:, None]), 0, period)
     walls = np.signbit(rows[0]['velocity']).astype(np.int64)
@@ -310,7 +305,7 @@ def _end_of_run(diagram: Diagram, store: Store, columns: list[int], slots: list[
                 direction: float, tolerance: float, hold: int) -> End | None:
     edge = diagram.alphas[1] if direction > 0.0 else diagram.alphas[0]
     width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
-    states = _read(diagram, store, 'impact_state')
+    states = _read(diagram, store, 'member_state')
     # What is called chaotic may be a long transient at the end of the run, or all along it.
     for i in sorted(range(len(columns)), key=lambda i: -direction * columns[i]):
         parameters = diagram.at(columns[i])

@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from . import cli, options
 from .attractors import identity_of
+from .catalogue import BATCH
 from .engine import run_tiles
 from .grid import Plane, StartArray
 from .layout import Axis, Layout, Variable
-from .search import BATCH
 from .store import Store
 from .store_making import make_store
 from ..core.growth import grow, STEPS
@@ -105,20 +105,7 @@ def compute_exponents(parameters: Parameters, plane: Plane, run: cli.Run, count:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `exponents`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
-
-    """
+    """Run the command `exponents`."""
     parser = options.Parser(
         NAME, description='Find how fast neighbours of every start part or meet: the largest '
         'exponent of the first impacts.')

@@ -19,8 +19,8 @@ import textwrap
 import time
 from typing import Final
 
-from .cli import attempt, INTERRUPTED, PACKAGE
-from .options import Parser
+from .cli import PACKAGE
+from .plain import attempt, INTERRUPTED, Parser
 from .store_making import versions
 from ..places import config_folder
 from ..plain_yaml import read_yaml
@@ -67,20 +67,7 @@ class Recipe:
     finding: str
 
     def words(self, folder: Path) -> list[str]:
-        """
-        Fill in the command.
-
-        Parameters
-        ----------
-        folder : Path
-            Where pictures and stores go.
-
-        Returns
-        -------
-        list of str
-            Tool and options; it goes on with what it finds.
-
-        """
+        """Return tool and options, which go on with what they find in a folder."""
         def fill(word: str) -> str:
             named = re.fullmatch(r'\{store(?::(\w+))?\}', word)
             if named:
@@ -91,25 +78,7 @@ class Recipe:
 
 
 def load_recipes(folder: Path) -> dict[str, Recipe]:
-    """
-    Read all recipes.
-
-    Parameters
-    ----------
-    folder : Path
-        Of YAML files.
-
-    Returns
-    -------
-    dict
-        By figure, in the order of the paper.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or one is not whole.
-
-    """
+    """Read all recipes, in the order of the paper; ValueError where one is not whole."""
     recipes = [_recipe(path) for path in sorted(folder.glob('*.yaml'))]
     if not recipes:
         raise ValueError(f'{folder} holds no recipes; name their folder with --recipes')
@@ -141,22 +110,7 @@ def _recipe(path: Path) -> Recipe:
 
 
 def make(recipe: Recipe, folder: Path) -> int:
-    """
-    Make a figure.
-
-    Parameters
-    ----------
-    recipe : Recipe
-        The recipe.
-    folder : Path
-        Where pictures and stores go.
-
-    Returns
-    -------
-    int
-        Exit status of the tool.
-
-    """
+    """Make a figure; returns the exit status of the tool."""
     (folder / 'data').mkdir(parents=True, exist_ok=True)
     words = recipe.words(folder)
     tool = importlib.import_module(f'.{words[0]}', __package__)
@@ -178,22 +132,7 @@ def make(recipe: Recipe, folder: Path) -> int:
 
 
 def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
-    """
-    Write the page that shows all figures made so far and compares them with the paper's.
-
-    Parameters
-    ----------
-    recipes : dict
-        All recipes.
-    folder : Path
-        Where the figures are.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    """
+    """Write the page that shows all figures made so far and compares them with the paper's."""
     parts = []
     for recipe in recipes.values():
         picture = folder / f'figure-{recipe.figure}.png'
@@ -217,29 +156,7 @@ def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
 
 
 def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
-    """
-    Write the same as a page of the documents, with small pictures beside it.
-
-    Parameters
-    ----------
-    recipes : dict
-        All recipes.
-    folder : Path
-        Where the figures are.
-    page : Path
-        The Markdown file; pictures go into a folder of its name.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    ValueError
-        If a figure has not been made.
-
-    """
+    """Write the same as a page of the documents, with small pictures in a folder beside it."""
     from .figures_style import shrink
     small = page.with_suffix('')
     parts = [HEAD.format(page=page)]
@@ -307,20 +224,7 @@ and -0.5 in figure 10.</p>
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `figures [NUMBER ...]`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status.
-
-    """
+    """Run the command `figures [NUMBER ...]`."""
     return attempt('figures', lambda: _run(arguments))
 
 

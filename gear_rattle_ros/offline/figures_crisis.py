@@ -12,20 +12,7 @@ WIDTH, HEIGHT = 900, 640
 
 
 def draw_law(store: Store) -> Figure:
-    """
-    Draw mean lifetimes against the distance from the crisis, with the law.
-
-    Parameters
-    ----------
-    store : Store
-        Made by `crisis`, with its law.
-
-    Returns
-    -------
-    Figure
-        900 x 640 pixels.
-
-    """
+    """Draw mean lifetimes against the distance from the crisis, with the law."""
     a = store.attributes
     alphas, rates = store.read_all('alpha')[1:], store.read_all('escape_rate')[1:]
     errors = store.read_all('escape_rate_error')[1:]

@@ -37,28 +37,7 @@ RARE: Final = 0.02
 
 def draw_diagram(store: Store, *, sweep: str | None = None, title: str = '',
                  exponent: bool = True, raster: bool = True) -> Figure:
-    """
-    Draw an orbit diagram.
-
-    Parameters
-    ----------
-    store : Store
-        Made by `orbit_diagram`.
-    sweep : str, optional
-        Which; all of them below each other by default.
-    title : str
-        Above it; says what was computed by default.
-    exponent : bool
-        Whether the largest exponent is drawn below.
-    raster : bool
-        Whether the velocities are drawn.
-
-    Returns
-    -------
-    Figure
-        One pixel or a whole number of them for each alpha and each bin.
-
-    """
+    """Draw an orbit diagram."""
     sweeps = [str(name) for name in store.read_all('sweep')]
     shown = [k for k, name in enumerate(sweeps) if sweep in (None, name)]
     columns, bins = len(store.read_all('alpha')), len(store.read_all('velocity'))
@@ -97,21 +76,7 @@ def draw_diagram(store: Store, *, sweep: str | None = None, title: str = '',
 
 
 def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
-    """
-    Draw counts of impacts, each attractor in a hue of its own.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    store : Store
-        The diagram.
-    sweep : int
-        Number of the sweep.
-    merged : int
-        So many bins are drawn as one.
-
-    """
+    """Draw counts of impacts, each attractor in a hue of its own."""
     counts, numbers = store.read_all('count')[sweep], store.read_all('attractor')[sweep]
     alphas, velocities = store.read_all('alpha'), store.read_all('velocity')
     bins = len(velocities) // merged
@@ -134,19 +99,7 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
 
 
 def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
-    """
-    Draw the largest exponent of every attractor with its error.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    store : Store
-        The diagram.
-    sweep : int
-        Number of the sweep.
-
-    """
+    """Draw the largest exponent of every attractor with its error."""
     alphas, numbers = store.read_all('alpha'), store.read_all('attractor')[sweep]
     exponents, errors = (store.read_all(name)[sweep] for name in ('exponent', 'exponent_error'))
     axes.axhline(0.0, color='black', linewidth=0.8)
@@ -166,20 +119,7 @@ def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
 
 
 def draw_shares(store: Store) -> Figure:
-    """
-    Draw the shares of the attractors against alpha, with what happens to them.
-
-    Parameters
-    ----------
-    store : Store
-        Made by `continuation`.
-
-    Returns
-    -------
-    Figure
-        910 x 560 pixels.
-
-    """
+    """Draw the shares of the attractors against alpha, with what happens to them."""
     alphas, numbers = store.read_all('alpha'), store.read_all('attractor')[0]
     shares = store.read_all('share')[0]
     count = store.attributes['trajectories']
@@ -237,6 +177,5 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
 
 def _title(store: Store) -> str:
     a = store.attributes
-    return (f'{a["impacts_counted"]:,} impacts after {a["impacts_skipped"]:,} from '
-            f'{a["trajectories"]} starts; beta {a["beta"]:g}, gamma {a["gamma"]:g}, '
-            f'r {a["restitution"]:g}')
+    return (f'{a["impacts_counted"]:,} impacts of {a["trajectories"]} trajectories; '
+            f'beta {a["beta"]:g}, gamma {a["gamma"]:g}, r {a["restitution"]:g}')

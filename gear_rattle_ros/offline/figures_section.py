@@ -23,20 +23,7 @@ LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
 
 
 def draw_section(store: Store) -> Figure:
-    """
-    Draw impacts counted on the section, and the periodic orbits that were reached.
-
-    Parameters
-    ----------
-    store : Store
-        Made by `section`.
-
-    Returns
-    -------
-    Figure
-        A pixel for each bin.
-
-    """
+    """Draw impacts counted on the section, and the periodic orbits that were reached."""
     a = store.attributes
     counts = store.read_all('count').astype(np.float64)
     width, height = counts.shape[2], counts.shape[1]

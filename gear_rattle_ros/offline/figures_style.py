@@ -31,42 +31,14 @@ PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
 
 def new_figure(width: int, height: int) -> Figure:
-    """
-    Make an empty figure.
-
-    Parameters
-    ----------
-    width, height : int
-        Size [pixels].
-
-    Returns
-    -------
-    Figure
-        White.
-
-    """
+    """Make an empty figure of a size in pixels."""
     figure = Figure((width / DPI, height / DPI), dpi=DPI, facecolor='white')
     FigureCanvasAgg(figure)
     return figure
 
 
 def add_axes(figure: Figure, left: int, bottom: int, width: int, height: int) -> Axes:
-    """
-    Put axes on whole pixels.
-
-    Parameters
-    ----------
-    figure : Figure
-        Receives them.
-    left, bottom, width, height : int
-        Of the area inside the axes [pixels].
-
-    Returns
-    -------
-    Axes
-        The axes.
-
-    """
+    """Put axes on whole pixels; the numbers are those of the area inside them."""
     w, h = (round(side * DPI) for side in figure.get_size_inches())
     axes = figure.add_axes((left / w, bottom / h, width / w, height / h))
     axes.tick_params(direction='out', labelsize=11)
@@ -74,22 +46,7 @@ def add_axes(figure: Figure, left: int, bottom: int, width: int, height: int) ->
 
 
 def shrink(picture: Path, small: Path) -> None:
-    """
-    Write a smaller copy of a picture, in few colours.
-
-    Parameters
-    ----------
-    picture : Path
-        The picture.
-    small : Path
-        The copy, the widest of `SMALL` that has `LONGEST` bytes or fewer.
-
-    Raises
-    ------
-    OSError
-        If one cannot be read or written.
-
-    """
+    """Write the widest copy of `SMALL` with `LONGEST` bytes or fewer, in few colours."""
     with Image.open(picture) as whole:
         for width in SMALL:
             copy = whole.convert('RGB')
@@ -100,19 +57,7 @@ def shrink(picture: Path, small: Path) -> None:
 
 
 def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None:
-    """
-    Mark the phase axis in fractions of pi, or in plain numbers where the window is narrow.
-
-    Parameters
-    ----------
-    axes : Axes
-        Whose horizontal axis it is.
-    window : tuple of float
-        What it shows [rad].
-    size : int
-        Of the label [points].
-
-    """
+    """Mark the phase axis in fractions of pi, or in plain numbers where the window is narrow."""
     axes.set_xlabel(PHASE_LABEL, fontsize=size)
     for parts in (2, 4, 8, 16):
         if (window[1] - window[0]) >= 2.5 * math.pi / parts:
@@ -124,40 +69,12 @@ def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None
 
 
 def thousands(value: float, _: int | None = None) -> str:
-    """
-    Write a count with its thousands apart.
-
-    Parameters
-    ----------
-    value : float
-        The count [1].
-
-    Returns
-    -------
-    str
-        Such as 10,000.
-
-    """
+    """Write a count with its thousands apart."""
     return f'{value:,.0f}'
 
 
 def in_pi(value: float, parts: int) -> str:
-    """
-    Write a multiple of a fraction of pi.
-
-    Parameters
-    ----------
-    value : float
-        The number [rad].
-    parts : int
-        The fraction is pi over this.
-
-    Returns
-    -------
-    str
-        Such as 3π/2.
-
-    """
+    """Write a number as a multiple of pi over some parts, such as 3π/2."""
     n = round(value / (math.pi / parts))
     if n == 0:
         return '0'
@@ -172,40 +89,12 @@ def _tick_in_pi(parts: int, value: float, _: int | None) -> str:
 
 
 def hue(number: int) -> str:
-    """
-    Give the colour of an attractor.
-
-    Parameters
-    ----------
-    number : int
-        From 0 on.
-
-    Returns
-    -------
-    str
-        As HTML writes it.
-
-    """
+    """Give the colour of an attractor."""
     return HUES[number % len(HUES)]
 
 
 def shade(colour: str, share: FloatArray) -> FloatArray:
-    """
-    Shade from nearly white to a colour, in steps that look equal (linear in Oklab).
-
-    Parameters
-    ----------
-    colour : str
-        The darkest.
-    share : ndarray of float
-        0 for pale, 1 for the colour.
-
-    Returns
-    -------
-    ndarray of float, shape (..., 3)
-        Red, green, blue.
-
-    """
+    """Shade from nearly white (0) to a colour (1) in steps that look equal: linear in Oklab."""
     full = _to_oklab(np.array([int(colour[k:k + 2], 16) / 255.0 for k in (1, 3, 5)]))
     white = np.array([1.0, 0.0, 0.0])
     weight = PALE + (1.0 - PALE) * np.clip(share, 0.0, 1.0)
@@ -213,20 +102,7 @@ def shade(colour: str, share: FloatArray) -> FloatArray:
 
 
 def equalise(counts: npt.ArrayLike) -> FloatArray:
-    """
-    Replace counts by their rank among those that are not zero, so that all shades are used.
-
-    Parameters
-    ----------
-    counts : array_like
-        Not negative.
-
-    Returns
-    -------
-    ndarray of float
-        0 where nothing was counted, 1 at the largest.
-
-    """
+    """Replace counts by their rank among those that are not zero, so that all shades are used."""
     array = np.asarray(counts, np.float64)
     some = np.sort(array[array > 0.0])
     if not len(some):
@@ -235,20 +111,7 @@ def equalise(counts: npt.ArrayLike) -> FloatArray:
 
 
 def widened(share: FloatArray) -> FloatArray:
-    """
-    Widen lines one pixel thick, which are hard to see.
-
-    Parameters
-    ----------
-    share : ndarray of float, shape (rows, columns)
-        Shades.
-
-    Returns
-    -------
-    ndarray of float, shape (rows, columns)
-        Each pixel shines on those above and below it.
-
-    """
+    """Widen lines one pixel thick, which are hard to see."""
     halo, wide = HALO * share, share.copy()
     wide[1:] = np.maximum(wide[1:], halo[:-1])
     wide[:-1] = np.maximum(wide[:-1], halo[1:])

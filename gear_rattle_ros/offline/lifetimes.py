@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import cli, options
-from .attractors import Attractor
+from .attractors import describe
 from .basins import add_settings, compute_basins, Settings, settings_of
+from .catalogue import Catalogue
 from .grid import Plane
-from .search import Catalogue
 from .store import Store
 from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
@@ -168,8 +168,7 @@ def distribution(counts: npt.NDArray[np.int64], censored: int
 
 
 def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings,
-                      begin: int | None = None) -> tuple[Store, Catalogue,
-                                                         tuple[Attractor, ...], Escape]:
+                      begin: int | None = None) -> tuple[Store, Catalogue, Escape]:
     """
     Compute a grid of lifetimes and what follows from it into a store.
 
@@ -189,13 +188,13 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     Returns
     -------
     tuple
-        The store, the catalogue of the search, all attractors, and the estimate.
+        The store, the attractors, and the estimate.
 
     """
     begin = int(TAIL * settings.cap) if begin is None else begin
     if not 0 <= begin < settings.cap:
         raise ValueError(f'--tail {begin} does not lie below the cap of {settings.cap} impacts')
-    store, catalogue, attractors = compute_basins(parameters, plane, run, settings, TITLE)
+    store, catalogue = compute_basins(parameters, plane, run, settings, TITLE)
     escaped, censored = escapes_in(store, settings.cap)
     escape = estimate_escape(escaped, censored, begin)
     edges, counts, survival = distribution(escaped, censored)
@@ -208,7 +207,7 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
     })
     store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
                           for name, value in dataclasses.asdict(escape).items()})
-    return store, catalogue, attractors, escape
+    return store, catalogue, escape
 
 
 def escapes_in(store: Store, cap: int) -> tuple[npt.NDArray[np.int64], int]:
@@ -274,10 +273,10 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work(given: argparse.Namespace, run: cli.Run) -> int:
         parameters, plane = options.model_of(given), options.plane_of(given)
-        store, catalogue, attractors, escape = compute_lifetimes(
+        store, catalogue, escape = compute_lifetimes(
             parameters, plane, run, settings_of(given, chaotic=False), given.tail)
-        for each in attractors:
-            print(each.describe())
+        for each in catalogue.attractors:
+            print(describe(each))
         print(escape.describe())
 
         def draw() -> cli.Figure:

@@ -4,48 +4,18 @@ import argparse
 from collections.abc import Callable
 import dataclasses
 import math
-import re
-from typing import Any, Final, NoReturn
+from typing import Final
 
+from . import plain
 from .grid import Plane
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 GREATEST: Final = 2**31 - 1
-
-
-class Parser(argparse.ArgumentParser):
-    """Options of a tool; refuses with one line, and takes ``-1e-3`` and ``-pi`` for numbers."""
-
-    def __init__(self, *arguments: Any, **settings: Any) -> None:
-        """Make it as argparse does."""
-        super().__init__(*arguments, **settings)
-        self._negative_number_matcher = re.compile(r'^-[\d.p]')
-
-    def error(self, message: str) -> NoReturn:
-        """Refuse the command line."""
-        self.exit(2, f'{self.prog}: {message}\n')
+Parser = plain.Parser
 
 
 def number(text: str) -> float:
-    """
-    Read a finite number; `pi` may stand at its end.
-
-    Parameters
-    ----------
-    text : str
-        Such as 0.48, -1e-3, 2pi, -pi or 0.5pi.
-
-    Returns
-    -------
-    float
-        The number.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is none.
-
-    """
+    """Read a finite number; `pi` may stand at its end."""
     factor, rest = (math.pi, text[:-2]) if text.endswith('pi') else (1.0, text)
     if factor != 1.0 and rest in ('', '-'):
         rest += '1'
@@ -59,20 +29,7 @@ def number(text: str) -> float:
 
 
 def whole(least: int) -> Callable[[str], int]:
-    """
-    Make a reader of whole numbers.
-
-    Parameters
-    ----------
-    least : int
-        The least one taken; the greatest is what 32 bits hold, as lifetimes have.
-
-    Returns
-    -------
-    callable
-        Takes the text, also as 1e5.
-
-    """
+    """Make a reader of whole numbers, also as 1e5; the greatest is what 32 bits hold."""
     def read(text: str) -> int:
         value = number(text)
         if value != int(value) or value < least:
@@ -86,19 +43,7 @@ def whole(least: int) -> Callable[[str], int]:
 
 def add_model(parser: argparse.ArgumentParser, *, alpha: float = 0.48,
               names: tuple[str, ...] = ('alpha', 'beta', 'gamma', 'restitution')) -> None:
-    """
-    Add the options of the model.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Receives them.
-    alpha : float
-        Default of the amplitude [1].
-    names : tuple of str
-        Which of the parameters.
-
-    """
+    """Add the options of the model."""
     group = parser.add_argument_group('model')
     standard = Parameters(alpha=alpha)
     for name, words in (('alpha', 'amplitude of the drive'), ('beta', 'damping'),
@@ -111,19 +56,7 @@ def add_model(parser: argparse.ArgumentParser, *, alpha: float = 0.48,
 
 def add_alpha_window(parser: argparse.ArgumentParser, low: float, high: float, words: str
                      ) -> None:
-    """
-    Add a window of amplitudes, and the other parameters of the model.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Receives them.
-    low, high : float
-        The window by default [1].
-    words : str
-        What it is.
-
-    """
+    """Add a window of amplitudes, and the other parameters of the model."""
     parser.add_argument('--alpha', type=number, nargs=2, default=[low, high], metavar=('A', 'B'),
                         help=f'{words} [1]; {low:g} {high:g} by default')
     add_model(parser, names=('beta', 'gamma', 'restitution'))
@@ -131,19 +64,7 @@ def add_alpha_window(parser: argparse.ArgumentParser, low: float, high: float, w
 
 def add_plane(parser: argparse.ArgumentParser, *, size: int | None = 400,
               displacement: float = 0.0) -> None:
-    """
-    Add the options of the plane of initial conditions.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Receives them.
-    size : int or None
-        Default number of cells along an edge; None for no such option.
-    displacement : float
-        Default displacement [1].
-
-    """
+    """Add the options of the plane of initial conditions; size None is no such option."""
     group = parser.add_argument_group('initial conditions')
     group.add_argument('--displacement', type=number, default=displacement, metavar='S',
                        help='displacement of all starts [1], -1 to 0; '
@@ -166,25 +87,7 @@ def add_seed(parser: argparse.ArgumentParser) -> None:
 
 
 def model_of(given: argparse.Namespace) -> Parameters:
-    """
-    Read the parameters of the model.
-
-    Parameters
-    ----------
-    given : Namespace
-        What was given; of a window of amplitudes the higher end is taken.
-
-    Returns
-    -------
-    model : Parameters
-        Validated.
-
-    Raises
-    ------
-    ValueError
-        If one is out of range.
-
-    """
+    """Read the parameters of the model; of a window of alpha the higher end is taken."""
     names = [field.name for field in dataclasses.fields(Parameters)]
     values = {name: getattr(given, name) for name in names if hasattr(given, name)}
     if isinstance(values['alpha'], list):
@@ -193,25 +96,7 @@ def model_of(given: argparse.Namespace) -> Parameters:
 
 
 def alpha_window_of(given: argparse.Namespace) -> tuple[float, float]:
-    """
-    Read a window of amplitudes.
-
-    Parameters
-    ----------
-    given : Namespace
-        What was given.
-
-    Returns
-    -------
-    tuple of float
-        The lower and the higher end [1].
-
-    Raises
-    ------
-    ValueError
-        If it is empty, reversed or out of range.
-
-    """
+    """Read a window of amplitudes."""
     low, high = (require_finite('alpha', value, 0.0, ALPHA_MAXIMUM) for value in given.alpha)
     if not low < high:
         raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the lower '
@@ -220,25 +105,7 @@ def alpha_window_of(given: argparse.Namespace) -> tuple[float, float]:
 
 
 def plane_of(given: argparse.Namespace) -> Plane:
-    """
-    Read the plane of initial conditions.
-
-    Parameters
-    ----------
-    given : Namespace
-        What was given.
-
-    Returns
-    -------
-    Plane
-        Validated.
-
-    Raises
-    ------
-    ValueError
-        If a window is reversed or a size is wrong.
-
-    """
+    """Read the plane of initial conditions."""
     size = getattr(given, 'size', [1])
     if len(size) > 2:
         raise ValueError(f'--size takes one or two numbers, not {len(size)}')

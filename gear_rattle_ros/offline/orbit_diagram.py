@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .cli import Figure, Run, run_tool
+from .columns import Branch, find_branches, Window
 from .diagram import describe, Diagram, layout_of, STATE, SWEEPS
 from .engine import run_tiles
-from .ensembles import Ensemble, Followers, run_ensemble, settle, Window
 from .options import (
     add_alpha_window,
     add_plane,
@@ -27,8 +27,10 @@ from .options import (
 from .store import Store
 from .store_making import make_store
 from .tracks import track
+from ..core.closed_orbits import Orbit
 from ..core.lanes import START
 from ..core.lanes_step import LANES
+from ..core.raster import BLOCKS
 
 
 def compute(diagram: Diagram, run: Run) -> Store:
@@ -104,21 +106,23 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     columns = range(region['alpha'].start, region['alpha'].stop)
     sweep = _sweep(diagram, store, tile)
     ends = np.full((len(columns), LANES, len(STATE)), math.nan)
-    ensembles: list[Ensemble] = []
-    if sweep == 'starts':
-        ensembles = [run_ensemble(diagram.starts(c), diagram.at(c), diagram.window)
-                     for c in columns]
-    else:
-        order = list(columns) if sweep == 'up' else list(reversed(columns))
-        followers = Followers(_states_before(diagram, store, tile, order[0]))
-        for c in order:
-            ensembles.append(followers.run(diagram.at(c), diagram.window))
-            ends[c - columns.start, :followers.count] = followers.states()
-        if sweep == 'down':
-            ensembles.reverse()
-    values = describe([settle(ensemble) for ensemble in ensembles], diagram)
+    found: dict[int, list[Branch]] = {}
+    order = list(columns) if sweep != 'down' else list(reversed(columns))
+    starts = None if sweep == 'starts' else _states_before(diagram, store, tile, order[0])
+    known: tuple[Orbit, ...] = ()
+    for c in order:
+        catalogue, found[c] = find_branches(
+            diagram.at(c), diagram.starts(c) if starts is None else starts, diagram.window,
+            # What is followed knows nothing of what it has left.
+            known if starts is None else ())
+        known = catalogue.orbits
+        if starts is not None:
+            ends[c - columns.start, :len(starts)] = np.stack(
+                [catalogue.states[name] for name in STATE], axis=1)
+            starts = _at(catalogue.states, diagram, c + (1 if sweep == 'up' else -1))
+    values = describe([found[c] for c in columns], diagram)
     store.write(tile, {name: value[None] for name, value in {**values, 'end_state': ends}.items()})
-    return sum(int(ensemble.made.sum()) for ensemble in ensembles)
+    return sum(len(one.states) for c in columns for one in found[c]) * diagram.window.keep
 
 
 def write_attractors(store: Store) -> None:
@@ -151,8 +155,14 @@ def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> np
     starts = np.zeros(len(states), START)
     for k, name in enumerate(STATE):
         starts[name] = states[:, k]
-    for name, value in dataclasses.asdict(diagram.at(column)).items():
-        starts[name] = value
+    return _at(starts, diagram, column)
+
+
+def _at(states: npt.NDArray[np.void], diagram: Diagram, column: int) -> npt.NDArray[np.void]:
+    starts = states.copy()
+    if 0 <= column < diagram.columns:
+        for name, value in dataclasses.asdict(diagram.at(column)).items():
+            starts[name] = value
     return starts
 
 
@@ -166,20 +176,7 @@ def _width(store: Store, tile: int) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `orbit_diagram`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status.
-
-    """
+    """Run the command `orbit_diagram`."""
     parser = Parser('orbit_diagram', description='Count impact velocities against alpha, from '
                     'many starts and followed up and down, with the largest exponent.')
     add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
@@ -189,10 +186,13 @@ def main(arguments: list[str] | None = None) -> int:
                         help='bins of the velocity; 900 by default')
     parser.add_argument('--bin-window', type=number, nargs=2, default=[-1.5, 1.5],
                         metavar=('A', 'B'), help='velocities counted [1]; -1.5 1.5 by default')
+    parser.add_argument('--hold', type=whole(1000), default=Window.hold, metavar='N',
+                        help='impacts after which a trajectory is unsettled; in 32 times as many '
+                        f'nothing may leave a chaotic attractor; {Window.hold} by default')
     parser.add_argument('--skip', type=whole(1), default=5000, metavar='N',
-                        help='impacts passed over; 5000 by default')
-    parser.add_argument('--keep', type=whole(256), default=2048, metavar='N',
-                        help='impacts counted then; 2048 by default')
+                        help='impacts passed over at least where nothing settles; 5000 by default')
+    parser.add_argument('--keep', type=whole(BLOCKS), default=2048, metavar='N',
+                        help='impacts of each trajectory that are counted then; 2048 by default')
     parser.add_argument('--trajectories', type=whole(1), default=LANES, metavar='N',
                         help=f'at each alpha; {LANES} by default')
     parser.add_argument('--sweep', nargs='+', choices=SWEEPS, default=list(SWEEPS),
@@ -206,7 +206,8 @@ def main(arguments: list[str] | None = None) -> int:
         store = compute(Diagram(
             model_of(given), (given.alpha[0], given.alpha[1]), given.columns, plane_of(given),
             given.trajectories, given.seed,
-            Window(given.skip, given.keep, given.bin_window[0], given.bin_window[1], given.bins),
+            Window(given.keep, given.bin_window[0], given.bin_window[1], given.bins,
+                   max(given.hold, given.skip)),
             tuple(sweep for sweep in SWEEPS if sweep in given.sweep)), run)
 
         def draw() -> Figure:

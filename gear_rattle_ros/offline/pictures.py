@@ -14,10 +14,9 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .attractors import Attractor
+from .catalogue import Attractor, Catalogue, Kind
 from .figures_style import hue, phase_ticks
 from .grid import Plane
-from .search import Catalogue
 from ..core.classify import UNRESOLVED
 
 DPI: Final = 120
@@ -29,30 +28,11 @@ CENSORED: Final = '#7fd1ff'
 
 def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[Attractor, ...],
                 title: str) -> Figure:
-    """
-    Draw which start goes where.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (velocities, phases)
-        Label of every start.
-    plane : Plane
-        The window.
-    attractors : tuple of Attractor
-        What the labels mean.
-    title : str
-        Title.
-
-    Returns
-    -------
-    Figure
-        The picture.
-
-    """
+    """Draw which start goes where."""
     figure, axes = _new(title)
     # By key, not by share: its colour does not change where another basin becomes the larger.
-    shown = sorted((each for each in attractors if np.any(labels == each.label)),
-                   key=lambda each: each.key)
+    shown = sorted((each for each in attractors if each.kind is not Kind.UNSETTLED
+                    and np.any(labels == each.label)), key=lambda each: each.key)
     colours = [UNKNOWN, *_colours(len(shown))]
     numbers = np.zeros(labels.shape, np.int64)
     for number, each in enumerate(shown, 1):
@@ -70,30 +50,7 @@ def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[A
 
 def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_],
                    plane: Plane, cap: int, title: str, *, grey: bool = False) -> Figure:
-    """
-    Draw how long every start takes to settle.
-
-    Parameters
-    ----------
-    lifetimes : ndarray of int, shape (velocities, phases)
-        Impacts.
-    censored : ndarray of bool
-        Starts that were given up.
-    plane : Plane
-        The window.
-    cap : int
-        Impacts after which they were.
-    title : str
-        Title.
-    grey : bool
-        Draw it as the paper does: linear, white short, black long.
-
-    Returns
-    -------
-    Figure
-        The picture.
-
-    """
+    """Draw how long every start takes to settle; grey as in the paper: linear, long is black."""
     figure, axes = _new(title)
     norm = Normalize(0, cap) if grey else LogNorm(1, max(cap, 2))
     shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not grey))
@@ -111,24 +68,7 @@ def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bo
 
 
 def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str) -> Figure:
-    """
-    Draw how fast neighbours part (red) or meet (blue).
-
-    Parameters
-    ----------
-    exponents : ndarray of float, shape (velocities, phases)
-        Finite-time exponents [1]; those that are not finite are drawn dark.
-    plane : Plane
-        The window.
-    title : str
-        Title.
-
-    Returns
-    -------
-    Figure
-        The picture.
-
-    """
+    """Draw how fast neighbours part (red) or meet (blue); what is not finite is dark."""
     figure, axes = _new(title)
     finite = np.abs(exponents[np.isfinite(exponents)])
     reach = max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
@@ -142,37 +82,16 @@ def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str)
     return figure
 
 
-def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Figure:
-    """
-    Draw the attractors on the section.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        What was found.
-    attractors : tuple of Attractor
-        The same in words.
-
-    Returns
-    -------
-    Figure
-        The picture.
-
-    """
+def draw_section(catalogue: Catalogue) -> Figure:
+    """Draw the attractors on the section."""
     figure, axes = _new(f'Attractors on the section, {in_words(catalogue)}')
-    for number, each in enumerate(attractors):
-        # Dark on white, as a chaotic attractor is a thin line.
-        colour = hue(number)
-        label = f'{each.key}  {100.0 * each.share:.1f} %'
-        if each.kind == 'chaotic':
-            boxes = catalogue.chaotic[each.label - len(catalogue.orbits)].boxes
-            side, row, column = np.nonzero(boxes)
-            edge = boxes.shape[1]
-            velocity = (row + 0.5) * catalogue.box_speed / edge * (1.0 - 2.0 * side)
-            axes.scatter((column + 0.5) * 2.0 * math.pi / edge, velocity, s=3.0, color=colour,
-                         linewidths=0, label=label)
-        elif len(each.points):
-            axes.scatter(each.points[:, 1], each.points[:, 2], s=40, color=colour, label=label)
+    for number, each in enumerate(catalogue.attractors):
+        points = each.points()
+        if len(points):
+            # A chaotic attractor is a thin line.
+            axes.scatter(points[:, 1], points[:, 2], s=3.0 if each.kind is Kind.CHAOTIC else 40.0,
+                         color=hue(number), linewidths=0,
+                         label=f'{each.key}  {100.0 * each.share:.1f} %')
     axes.axhline(0.0, color='#808080', linewidth=0.6)
     axes.set_xlim(0.0, 2.0 * math.pi)
     legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
@@ -186,24 +105,7 @@ def draw_section(catalogue: Catalogue, attractors: tuple[Attractor, ...]) -> Fig
 
 def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float64],
                   begin: float, rate: float, title: str) -> Figure:
-    """
-    Draw how many starts are still in their transient.
-
-    Parameters
-    ----------
-    times, survival : ndarray of float
-        Impacts, and the share of starts with a longer lifetime.
-    begin, rate : float
-        The exponential tail: from where, and escapes per impact.
-    title : str
-        Title.
-
-    Returns
-    -------
-    Figure
-        The picture.
-
-    """
+    """Draw how many starts are still in their transient."""
     figure, axes = _new(title)
     axes.plot(times, survival, color='#2b6fb8', label='share still transient')
     if rate > 0.0 and np.isfinite(rate):
@@ -221,40 +123,14 @@ def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float
 
 
 def in_words(catalogue: Catalogue) -> str:
-    """
-    Name the parameters.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        What was found.
-
-    Returns
-    -------
-    str
-        Part of a title.
-
-    """
+    """Name the parameters."""
     model = catalogue.parameters
     return (f'alpha {model.alpha:g}, beta {model.beta:g}, gamma {model.gamma:g}, '
             f'r {model.restitution:g}')
 
 
 def thinned(plane: Plane) -> dict[str, int]:
-    """
-    Tell which cells are drawn.
-
-    Parameters
-    ----------
-    plane : Plane
-        All of them.
-
-    Returns
-    -------
-    dict
-        Every so many along 'velocity' and 'phase'.
-
-    """
+    """Return which cells are drawn: every so many along velocity and phase."""
     return {'velocity': -(-plane.velocities // EDGE), 'phase': -(-plane.phases // EDGE)}
 
 

@@ -1,53 +1,38 @@
-"""What the small commands on bags have in common."""
+"""What all commands have in common: refusals in one line, exit statuses, numbers below zero."""
 
 import argparse
 from collections.abc import Callable
+import re
 import sys
-from typing import Final, NoReturn
-
-from ..bags import BagError
+from typing import Any, Final, NoReturn
 
 INTERRUPTED: Final = 130
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that says in one line what is wrong; exit status 2."""
+    """Options of a tool; refuses with one line, and takes ``-1e-3`` and ``-pi`` for numbers."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        """Make it as argparse does."""
+        super().__init__(*arguments, **settings)
+        self._negative_number_matcher = re.compile(r'^-[\d.p]')
 
     def error(self, message: str) -> NoReturn:
-        """
-        End the process.
-
-        Parameters
-        ----------
-        message : str
-            What is wrong.
-
-        """
+        """Refuse the command line."""
         self.exit(2, f'{self.prog}: {message}\n')
 
 
-def attempt(name: str, action: Callable[[], int]) -> int:
-    """
-    Run a command, with one line where it cannot do its work.
-
-    Parameters
-    ----------
-    name : str
-        Of the command.
-    action : callable
-        Returns an exit status.
-
-    Returns
-    -------
-    int
-        That, or 2 for a bag that cannot be read or written, 130 after Ctrl-C.
-
-    """
+def attempt(name: str, action: Callable[[], int], *refusals: type[Exception]) -> int:
+    """Run a command; exit status 2 after one line that says what is wrong, 130 after Ctrl-C."""
+    refused: tuple[type[Exception], ...] = (MemoryError, ValueError, *refusals)
     try:
         return action()
-    except (BagError, OSError) as error:
-        print(f'{name}: {error}', file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         print(f'{name}: interrupted', file=sys.stderr)
         return INTERRUPTED
+    except OSError as error:
+        message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
+    except refused as error:
+        message = str(error) or 'not enough memory'
+    print(f'{name}: {message}', file=sys.stderr)
+    return 2

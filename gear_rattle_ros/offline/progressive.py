@@ -20,25 +20,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from .catalogue import Catalogue, follow_here, moved, TOLERANCE
 from .engine import run_tiles
 from .grid import make_starts, Plane
-from .search import (
-    Catalogue,
-    Check,
-    find_attractors,
-    orbits_among,
-    settle,
-    settle_here,
-    STAYS,
-    TOLERANCE,
-)
-from .sketch import sketched_sets
+from .search import Check, find_attractors, orbits_among, STAYS
+from ..core.chaos import BRIEF
 from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.lanes import START
 from ..core.model import Parameters
-from ..core.periodic import Orbit
 from ..core.recorded import record_impacts
-from ..core.table import make_table
 
 # The first look for attractors: random starts, impacts passed over, impacts looked at, and the
 # longest period.
@@ -106,9 +96,7 @@ class Basins:
     labels : ndarray of int, shape (velocities, phases)
         Attractor of every start, or one of the labels below zero of `classify`.
     catalogue : Catalogue
-        Attractors with the first labels.
-    late : tuple of Orbit
-        Those with the labels after them.
+        The attractors.
     is_complete : bool
         Whether chaotic attractors have been searched for.
 
@@ -117,7 +105,6 @@ class Basins:
     plane: Plane
     labels: LabelArray
     catalogue: Catalogue
-    late: tuple[Orbit, ...]
     is_complete: bool
 
     def share(self, label: int) -> float:
@@ -182,12 +169,12 @@ def glance(parameters: Parameters, hints: npt.NDArray[np.float64]) -> Glance:
     hinted = make_starts(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
     starts = np.concatenate([hinted, drawn])
     results = np.zeros(len(starts), RESULT)
-    settle_here(starts, skip, make_table((), TOLERANCE), results)
-    states = _moved(starts, results)[results['label'] == UNRESOLVED]
+    follow_here(starts, skip, Catalogue(parameters).table, results)
+    states = moved(starts, results)[results['label'] == UNRESOLVED]
     orbits = tuple(orbits_among(parameters, states, look, longest, TOLERANCE))
     rows, _ = record_impacts(states, 0, 64)
     return Glance(
-        Catalogue(parameters, TOLERANCE, skip, orbits, (), 0.0, 0, results['label']),
+        Catalogue(parameters, hold=skip, orbits=orbits, labels=results['label']),
         float(np.max(np.abs(rows['velocity']), initial=0.0)))
 
 
@@ -228,7 +215,6 @@ def refine(seen: Glance, planes: Sequence[Plane], *, on_walls: bool, cap: int, t
             raise Dropped
 
     certain = catalogue = seen.catalogue
-    late = tuple[Orbit, ...]()
     parameters = catalogue.parameters
     settled = np.zeros(0, START)
     mean = GUESS
@@ -237,22 +223,23 @@ def refine(seen: Glance, planes: Sequence[Plane], *, on_walls: bool, cap: int, t
         if level == 1:
             certain = _without_slow_chaos(find_attractors(
                 parameters, plane.random_starts(parameters, STARTS, SEED), hold=HOLD,
-                threads=threads, trace=sketched_sets, check=check))
-            late = _missed(certain, seen.catalogue.orbits)
+                threads=threads, effort=BRIEF, check=check))
+            certain = certain.with_orbits(seen.catalogue.orbits)
             catalogue = _hastened(certain, settled, threads, check)
         if is_last and level > 0:
-            catalogue = certain
+            catalogue = dataclasses.replace(certain, late=catalogue.late)
         work = _Level(plane, parameters, on_walls)
         until = time.monotonic() + _time_for(plane)
         shown, total, is_late = 1.0, 0, False
         limits = [*_rounds(catalogue, cap if is_last else ROUNDS[-1])]
         for limit, following in itertools.pairwise([*limits, np.inf]):
             mean, has_unseen = work.follow(
-                int(limit), catalogue.table(late), mean, threads,
+                int(limit), catalogue.table, mean, threads,
                 np.inf if is_late or level == 0 else until, check)
             total += int(limit)
             if level > 0 and len(work.left):
-                late = _with_missed(catalogue, late, work.starts[work.left[:LOOKED_AT]])
+                catalogue = catalogue.with_orbits(tuple(orbits_among(
+                    parameters, work.starts[work.left[:LOOKED_AT]], *GLANCE[2:], TOLERANCE)))
             is_late = time.monotonic() > until
             goes_on = is_last or (has_unseen and _edge(plane) >= WHOLE_FROM)
             is_cheap = level > 0 and len(work.left) * following <= CHEAP
@@ -261,9 +248,9 @@ def refine(seen: Glance, planes: Sequence[Plane], *, on_walls: bool, cap: int, t
             if (level > 0 and goes_on and shown - work.unresolved > NEWS
                     and (is_late or total >= ROUNDS[1])):
                 shown = work.unresolved
-                yield work.picture(catalogue, late, level > 0)
+                yield work.picture(catalogue, level > 0)
         settled = work.settled
-        yield work.picture(catalogue, late, level > 0)
+        yield work.picture(catalogue, level > 0)
 
 
 class _Level:
@@ -309,14 +296,14 @@ class _Level:
         self._labels[self._order[left]] = results['label']
         is_left = results['label'] == UNRESOLVED
         self.left = left[is_left]
-        self.starts[self.left] = _moved(self.starts[self.left], results[is_left])
+        self.starts[self.left] = moved(self.starts[self.left], results[is_left])
         return mean, bool(np.any(results['impacts'][is_left] == 0))
 
-    def picture(self, catalogue: Catalogue, late: tuple[Orbit, ...], is_complete: bool) -> Basins:
+    def picture(self, catalogue: Catalogue, is_complete: bool) -> Basins:
         """Show how far it is."""
         plane = self._plane
         labels = self._labels.reshape(plane.velocities, plane.phases).copy()
-        return Basins(plane, labels, catalogue, late, is_complete)
+        return Basins(plane, labels, catalogue, is_complete)
 
 
 def _edge(plane: Plane) -> int:
@@ -352,20 +339,13 @@ def _follow(starts: RecordArray, cap: int, table: Table, mean: float, threads: i
         if time.monotonic() > until:
             return 0
         part = slice(number * batch, (number + 1) * batch)
-        return settle_here(starts[part], cap, table, results[part])
+        return follow_here(starts[part], cap, table, results[part])
 
     made: list[int] = []
     run_tiles(work, range(-(-len(starts) // batch)), lambda _, impacts: made.append(impacts),
               threads=threads)
     followed = int(np.count_nonzero(results['impacts']))
     return results, max(sum(made) / followed, 1.0) if followed else mean
-
-
-def _moved(starts: RecordArray, results: RecordArray) -> RecordArray:
-    moved = starts.copy()
-    for name in ('phase', 'displacement', 'velocity'):
-        moved[name] = results[name]
-    return moved
 
 
 def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
@@ -382,19 +362,8 @@ def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int, check: C
     if catalogue.chaotic and catalogue.stay == STAYS[0]:
         for stay in STAYS_TRIED:
             tried = dataclasses.replace(catalogue, stay=stay)
-            labels = settle(settled, ROUNDS[-1], tried.table(), threads, check=check)['label']
-            if not np.any(labels >= len(catalogue.orbits)):
+            labels = tried.label(settled, ROUNDS[-1], threads=threads, check=check)['label']
+            first = len(catalogue.orbits)
+            if not np.any((labels >= first) & (labels < first + len(catalogue.chaotic))):
                 return tried
     return catalogue
-
-
-def _missed(catalogue: Catalogue, orbits: Sequence[Orbit]) -> tuple[Orbit, ...]:
-    known = {orbit.key for orbit in catalogue.orbits}
-    return tuple(orbit for orbit in orbits if orbit.key not in known)
-
-
-def _with_missed(catalogue: Catalogue, late: tuple[Orbit, ...], states: RecordArray
-                 ) -> tuple[Orbit, ...]:
-    found = orbits_among(catalogue.parameters, states, *GLANCE[2:], TOLERANCE)
-    known = {orbit.key for orbit in late}
-    return (*late, *(orbit for orbit in _missed(catalogue, found) if orbit.key not in known))

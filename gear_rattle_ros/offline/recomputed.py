@@ -61,7 +61,22 @@ class Stretch:
             self.begun_by = int(last['kind'])
 
 
-class Exponents:
+class Recomputed:
+    """What both have: the tally, and the reports that wait for their batches."""
+
+    def __init__(self) -> None:
+        self.tally = Tally()
+        self._pending: defaultdict[Any, list[Any]] = defaultdict(list)
+        self._joins: set[Any] = set()
+
+    def finish(self) -> Tally:
+        """Count the reports whose batches are not in the bag."""
+        self.tally.beyond += sum(len(reports) for reports in self._pending.values())
+        self._pending.clear()
+        return self.tally
+
+
+class Exponents(Recomputed):
     """
     Recompute every estimate of the Lyapunov node.
 
@@ -76,9 +91,7 @@ class Exponents:
     """
 
     def __init__(self, reports: Sequence[Named]) -> None:
-        self.tally = Tally()
-        self._pending: defaultdict[tuple[int, int, int], list[Named]] = defaultdict(list)
-        self._joins = set()
+        super().__init__()
         self._window = WINDOW
         for report in reports:
             values = report.values
@@ -98,19 +111,7 @@ class Exponents:
         self._candidates: list[RunningLyapunov] = []
 
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
-        """
-        Take the next batch.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records, n > 0.
-        stamp : int
-            Of the batch [ns].
-        is_first : bool
-            Whether a stretch without a hole begins here.
-
-        """
+        """Take the next batch [stamp in ns]; is_first where a stretch without a hole begins."""
         first, last = events[0], events[-1]
         if is_first:
             self._is_proven = False
@@ -126,20 +127,6 @@ class Exponents:
         self._stretch.take(events)
         for report in self._pending.pop((stamp, int(last['epoch']), int(last['index'])), ()):
             self._compare(report)
-
-    def finish(self) -> Tally:
-        """
-        Count the estimates whose batches are not in the bag.
-
-        Returns
-        -------
-        Tally
-            The outcome.
-
-        """
-        self.tally.beyond += sum(len(reports) for reports in self._pending.values())
-        self._pending.clear()
-        return self.tally
 
     def _compare(self, report: Named) -> None:
         expected = lyapunov_values(self._running.report())
@@ -173,7 +160,7 @@ class Exponents:
         return start == stretch.start and stretch.begun_by == EventKind.RETUNE
 
 
-class Transients:
+class Transients(Recomputed):
     """
     Recompute every report of the transient node.
 
@@ -188,10 +175,8 @@ class Transients:
     """
 
     def __init__(self, reports: Sequence[Named]) -> None:
-        self.tally = Tally()
+        super().__init__()
         self._tolerance = TOLERANCE
-        self._pending: defaultdict[int, list[dict[str, str]]] = defaultdict(list)
-        self._joins = set()
         for report in reports:
             values = dict(report.values)
             try:
@@ -204,19 +189,7 @@ class Transients:
         self._detectors = [self._fresh()]
 
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
-        """
-        Take the next batch; parameters as those of `Exponents.take`.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records, n > 0.
-        stamp : int
-            Of the batch [ns].
-        is_first : bool
-            Whether a stretch without a hole begins here.
-
-        """
+        """Take the next batch, as `Exponents.take` does."""
         first = events[0]
         begins = first['kind'] >= EventKind.RETUNE
         if is_first:
@@ -235,15 +208,7 @@ class Transients:
             self.tally.found += len(pending) - len(self._pending[stamp])
 
     def end_stamp(self, stamp: int) -> None:
-        """
-        Judge what was not found in the batches of a stamp.
-
-        Parameters
-        ----------
-        stamp : int
-            The stamp [ns].
-
-        """
+        """Judge what was not found in the batches of a stamp."""
         for report in self._pending.pop(stamp, ()):
             # An epoch that began before the bag or in a hole: the node may have seen more of it.
             if report.get('epoch') == str(self._unknown_epoch):
@@ -252,20 +217,6 @@ class Transients:
                 self.tally.fault = (
                     f'the report {report.get("state")!r} at impact {report.get("index")}, epoch '
                     f'{report.get("epoch")}, is not what the events say: {report}')
-
-    def finish(self) -> Tally:
-        """
-        Count the reports whose batches are not in the bag.
-
-        Returns
-        -------
-        Tally
-            The outcome.
-
-        """
-        self.tally.beyond += sum(len(reports) for reports in self._pending.values())
-        self._pending.clear()
-        return self.tally
 
     def _fresh(self) -> TransientDetector:
         return TransientDetector(min(max(self._tolerance, 1e-9), 0.1))

@@ -23,15 +23,7 @@ class Accounts:
         self.guard = StreamGuard()
 
     def take(self, events: EventArray) -> None:
-        """
-        Take the next batch.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records.
-
-        """
+        """Take the next batch."""
         self.guard.split(events)
         if len(events):
             self.first = self.first or (int(events['index'][0]), int(events['epoch'][0]))
@@ -66,15 +58,7 @@ class Recovery:
     accounts: dict[str, Accounts]
 
     def describe(self) -> list[str]:
-        """
-        Put it in words.
-
-        Returns
-        -------
-        list of str
-            A line for every fact.
-
-        """
+        """Put it in words."""
         lines = [f'{self.messages} messages recovered']
         for path, damage in self.damages:
             lines.append(f'{path}: {damage.end - damage.start} bytes from {damage.start} on are '
@@ -98,27 +82,7 @@ class Recovery:
 
 
 def recover(path: Path, output: Path) -> Recovery:
-    """
-    Copy everything that can be read into a new bag.
-
-    Parameters
-    ----------
-    path : Path
-        A bag directory or an .mcap file; it is only read.
-    output : Path
-        Bag directory to be made.
-
-    Returns
-    -------
-    Recovery
-        What is there and what is missing.
-
-    Raises
-    ------
-    BagError
-        If there is no bag, nothing is left in it, or the output exists or cannot be written.
-
-    """
+    """Copy all that can be read of a bag to a new one; BagError where nothing is left of it."""
     if path.is_dir() and output.resolve().is_relative_to(path.resolve()):
         raise BagError(f'{output}: lies in the bag to be recovered, choose another name')
     # All of them, before anything is written.
@@ -177,20 +141,7 @@ def _find(path: Path) -> list[Path]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Recover a bag.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, or 2 with one line that says why.
-
-    """
+    """Recover a bag."""
     parser = Parser(prog='recover', description=(
         'Copy everything that can still be read of a cut or damaged bag into a new one with an '
         'index, and say what is missing. The bag itself is never touched.'))

@@ -1,272 +1,239 @@
 """
-Finding every attractor at given parameters from many random starts.
+Finding every attractor at given parameters: the one answer that all tools and nodes ask for.
 
-Starts are followed in stages. After each, impacts of those that have not settled are searched for
-recurrences; Newton's method refines them to orbits, and stable ones enter the table by which the
-next stage recognises them. What has not settled after `hold` impacts is on a chaotic attractor
-only if its largest exponent is positive by `SIGNIFICANT` errors and if, of all starts that stay in
-its boxes for so many impacts, not one is seen to settle elsewhere; else it is unresolved. (Up to
-`FOLLOWED` starts are watched for all of `hold`: a mean lifetime of a tenth of the impacts watched
-would have shown with near certainty.)
+Random initial conditions are followed in stages. After each, impacts of those that have not
+settled are searched for recurrences; Newton's method closes them to orbits, and stable ones enter
+the table by which the next stage recognises them. What has not settled after the stages moves on
+sets of boxes of the section. Such a set is a chaotic attractor only if its largest exponent is
+positive by `SIGNIFICANT` errors and if in `CONFIRMED` times `hold` impacts, shared by as many
+trajectories as there are lanes, nothing leaves it: none settles elsewhere, none comes to recur.
+Whatever else is not on a known attractor within `hold` impacts is unsettled. Every initial
+condition is labelled.
 """
 
 from collections.abc import Callable
 import dataclasses
-import functools
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from .engine import run_tiles
-from ..core.chaos import box_sets, BoxSet
-from ..core.classify import (
-    BOXES,
-    classify,
-    RecordArray,
-    RESULT,
-    STEPS,
-    Table,
-    UNRESOLVED,
-    WATCH,
-)
-from ..core.lanes import EMPTY, new_impacts, new_tiles
+from .catalogue import BATCH, Catalogue, follow, go_on, HOLD, moved, TOLERANCE
+from .grid import Plane
+from ..core.chaos import chaotic_sets, ChaoticSet, Effort, THOROUGH
+from ..core.classify import RecordArray, UNRESOLVED
+from ..core.closed_orbits import close_orbit, NEAR, Orbit
 from ..core.lanes_step import LANES
 from ..core.model import Parameters
-from ..core.periodic import find_orbit, Orbit, shortest_recurrence
+from ..core.periodic import find_orbit, with_neighbourhood
 from ..core.recorded import record_impacts
-from ..core.table import dilated, make_table
+from ..core.section import distances, shortest_recurrence
 
-TOLERANCE: Final = 1e-3
 STARTS: Final = 1000
-HOLD: Final = 100_000
-# Impacts after which the starts that are left are looked at, impacts that are then looked at, and
-# longest period.
-STAGES: Final = ((300, 200, 64), (2_000, 200, 64), (10_000, 200, 64), (30_000, 1_600, 512))
-# Starts that are followed for all of `hold`: the first that have not settled before.
-FOLLOWED: Final = 256
-# Starts of one call of the kernel, fewer where they take so many impacts: it cannot be stopped.
-BATCH: Final = 250
-BATCH_IMPACTS: Final = 2_000_000
+SEED: Final = 1
+# So many times `hold` impacts must stay on a chaotic attractor.
+CONFIRMED: Final = 32
 # A largest exponent is positive if it is so many standard errors from zero.
 SIGNIFICANT: Final = 5.0
-# Impacts in the boxes after which a start is taken to be on a chaotic attractor: as few as are
-# certain to be enough, from the first of these.
-STAYS: Final = (128, 256, 512, 1024, 2048, 4096)
+# Impacts in the boxes after which a trajectory is taken to be on a chaotic attractor: as few as
+# are certain to be enough, from the first of these.
+STAYS: Final = (128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)
 # Sets of boxes that are told apart by their numbers in one byte.
 SETS_MOST: Final = 60
+# States that are used again to fill all lanes differ by this [1].
+NUDGE: Final = 1e-7
 
-Trace: TypeAlias = Callable[[Parameters, RecordArray], tuple[list[BoxSet], float]]
 Check: TypeAlias = Callable[[], None]
+CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attractors'
 
 
-def go_on() -> None:
-    """Give nothing up."""
+def conserves_areas(parameters: Parameters) -> bool:
+    """Whether nothing contracts, so that no attractors exist."""
+    return parameters.restitution == 1.0 and parameters.beta == 0.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Catalogue:
-    """
-    The attractors at given parameters.
-
-    Attributes
-    ----------
-    parameters : Parameters
-        Of the model.
-    tolerance : float
-        Largest distance of a trajectory that is on its orbit [1].
-    hold : int
-        Impacts for which starts were followed.
-    orbits : tuple of Orbit
-        Periodic ones, in the order of their keys; their labels are 0, 1, ...
-    chaotic : tuple of BoxSet
-        Chaotic ones, in the order of their keys; their labels come next.
-    box_speed : float
-        Greatest speed of the boxes [1].
-    stay : int
-        Impacts in the boxes after which a start has settled.
-    labels : ndarray of int, shape (n,)
-        Label of every random start, below zero as in `classify`.
-
-    """
-
-    parameters: Parameters
-    tolerance: float
-    hold: int
-    orbits: tuple[Orbit, ...]
-    chaotic: tuple[BoxSet, ...]
-    box_speed: float
-    stay: int
-    labels: npt.NDArray[np.int64]
-
-    def table(self, late: tuple[Orbit, ...] = ()) -> Table:
-        """
-        Make the table by which starts are recognised.
-
-        Parameters
-        ----------
-        late : tuple of Orbit
-            Orbits that the search had missed, in the order of their keys; their labels are the
-            last.
-
-        Returns
-        -------
-        Table
-            For `classify`.
-
-        """
-        known = len(self.orbits)
-        after = known + len(self.chaotic)
-        numbers = [*range(known), *range(after, after + len(late))]
-        return _table((*self.orbits, *late), self.tolerance, numbers, self.chaotic,
-                      self.box_speed, self.stay, known)
-
-
-def find_attractors(parameters: Parameters, starts: RecordArray, *, tolerance: float = TOLERANCE,
-                    hold: int = HOLD, chaotic: bool = True,
+def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *,
+                    tolerance: float = TOLERANCE, hold: int = HOLD, chaotic: bool = True,
+                    known: tuple[Orbit, ...] = (), effort: Effort = THOROUGH,
                     threads: int | None = None, cluster: str | None = None,
-                    trace: Trace = box_sets, check: Check = go_on) -> Catalogue:
+                    check: Check = go_on) -> Catalogue:
     """
-    Find all attractors that some of the starts reach.
+    Find the attractors that initial conditions reach.
 
     Parameters
     ----------
     parameters : Parameters
         Of the model.
-    starts : ndarray of START, shape (n,)
-        Random starts; the result does not depend on where they are followed.
+    starts : ndarray of START, shape (n,), optional
+        Initial conditions; by default `STARTS` random ones of the default plane. The result does
+        not depend on where they are followed.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
-        Impacts for which a start is followed at the most.
+        Impacts after which what has not settled is unsettled, and for which nothing may leave
+        what is called a chaotic attractor.
     chaotic : bool
         Whether what is left is looked at for chaotic attractors.
+    known : tuple of Orbit
+        Orbits at nearby parameters: a first guess, which saves time and finds thin basins.
+    effort : Effort
+        How long chaotic sets are looked at.
     threads : int, optional
         How many; by default one for each processor.
     cluster : str, optional
-        Address of a Dask scheduler that follows the starts instead.
-    trace : callable
-        Finds the sets on which trajectories move, as `box_sets` does.
+        Address of a Dask scheduler that follows the initial conditions instead.
     check : callable
         Called every few tenths of a second at least; raises to give up.
 
     Returns
     -------
     Catalogue
-        What was found.
+        What was found; empty where areas are kept.
 
     """
-    labels = np.full(len(starts), UNRESOLVED, np.int64)
-    states = starts.copy()
-    left = np.arange(len(starts))
-    orbits: dict[str, Orbit] = {}
-    homes = np.full(len(starts), '', object)
-    followed = 0
-    stages = [stage for stage in STAGES if stage[0] < hold]
-    for until, count, longest in [*stages, (hold, *STAGES[-1][1:])]:
-        keys = list(orbits)
-        if until == hold:
-            left = left[:FOLLOWED]
-        results = settle(states[left], until - followed,
-                         make_table(list(orbits.values()), tolerance), threads, cluster, check)
-        followed = until
-        labels[left] = results['label']
-        for start, label in zip(left, results['label'], strict=True):
-            homes[start] = keys[label] if label >= 0 else ''
-        is_left = results['label'] == UNRESOLVED
-        for name in ('phase', 'displacement', 'velocity'):
-            states[name][left] = results[name]
-        left = left[is_left]
-        if not len(left):
+    if starts is None:
+        starts = Plane().random_starts(parameters, STARTS, SEED)
+    catalogue = Catalogue(parameters, tolerance, hold,
+                          labels=np.full(len(starts), UNRESOLVED, np.int64), states=starts)
+    if conserves_areas(parameters):
+        return catalogue
+    search = _Search(catalogue, starts, {'threads': threads, 'cluster': cluster, 'check': check})
+    search.add(carried(known, parameters, tolerance))
+    last = effort.stages[-1]
+    for until, count, longest in (*(stage for stage in effort.stages if stage[0] < hold),
+                                  (min(hold, last[0]), *last[1:])):
+        if not len(search.left):
             break
-        found = orbits_among(parameters, states[left], count, longest, tolerance, check)
-        orbits.update((orbit.key, orbit) for orbit in found if orbit.key not in orbits)
-    ordered = tuple(orbits[key] for key in sorted(orbits))
-    # Those which the last stage has found, and a start that was too far from its own.
-    results = settle(states[left], STAGES[0][0], make_table(ordered, tolerance), threads, cluster,
-                     check)
-    numbers = {orbit.key: number for number, orbit in enumerate(ordered)}
-    labels = np.array([numbers.get(home, label) for home, label in zip(
-        homes, labels, strict=True)], np.int64)
-    labels[left] = results['label']
-    plain = Catalogue(parameters, tolerance, hold, ordered, (), 0.0, 0, labels)
-    left = np.flatnonzero(labels == UNRESOLVED)
-    if not chaotic or not len(left):
-        return plain
-    follow = functools.partial(settle, starts, hold, threads=threads, cluster=cluster, check=check)
-    return _with_chaos(plain, states[left], follow, trace, check)
+        search.follow_to(until)
+        search.add(orbits_among(parameters, search.unsettled, count, longest, tolerance, check))
+    search.follow_to(search.followed + effort.stages[0][0])
+    while chaotic and len(search.left):
+        sets, orbits = search.confirmed(effort, check)
+        if not search.add(orbits):
+            search.settle_on(sets)
+            break
+        search.follow_to(search.followed + effort.stages[1][0])
+    search.follow_to(hold)
+    return search.catalogue()
 
 
-def settle(starts: RecordArray, cap: int, table: Table, threads: int | None = None,
-           cluster: str | None = None, check: Check = go_on) -> RecordArray:
+class _Search:
     """
-    Follow starts until they settle.
+    A search under way.
 
-    Parameters
+    Attributes
     ----------
-    starts : ndarray of START, shape (n,)
-        The starts.
-    cap : int
-        Impacts after which a start is given up.
-    table : Table
-        Known attractors.
-    threads : int, optional
-        How many; by default one for each processor.
-    cluster : str, optional
-        Address of a Dask scheduler that follows them instead.
-    check : callable
-        Called after each batch; raises to give up.
-
-    Returns
-    -------
-    ndarray of RESULT, shape (n,)
-        What became of them.
+    left : ndarray of int
+        Numbers of the initial conditions that have not settled.
+    followed : int
+        Impacts for which these have been followed.
 
     """
-    results = np.zeros(len(starts), RESULT)
-    # At least two batches, for as many threads.
-    size = min(max(min(BATCH_IMPACTS // cap, -(-len(starts) // 2)), LANES), BATCH)
 
-    def keep(batch: int, settled: RecordArray) -> None:
-        results[batch * size:(batch + 1) * size] = settled
+    def __init__(self, catalogue: Catalogue, starts: RecordArray, settings: dict[str, Any]
+                 ) -> None:
+        self._plain = catalogue
+        self._starts, self._states = starts, starts.copy()
+        self._settings = settings
+        self._orbits: dict[str, Orbit] = {}
+        self._chaos: tuple[ChaoticSet, ...] = ()
+        self._stay = 0
+        self._homes = np.full(len(starts), '', object)
+        self._labels = catalogue.labels.copy()
+        self.left = np.arange(len(starts))
+        self.followed = 0
+
+    @property
+    def unsettled(self) -> RecordArray:
+        """Return the states of what is left."""
+        return self._states[self.left]
+
+    def add(self, orbits: list[Orbit]) -> bool:
+        """Enter orbits into the table; return whether any is new."""
+        new = {orbit.key: orbit for orbit in orbits if orbit.key not in self._orbits}
+        self._orbits.update(new)
+        return bool(new)
+
+    def catalogue(self) -> Catalogue:
+        """Return what is known so far."""
+        ordered = tuple(self._orbits[key] for key in sorted(self._orbits))
+        keys = [*sorted(self._orbits), *(chaos.key for chaos in self._chaos)]
+        numbers = {key: number for number, key in enumerate(keys)}
+        labels = np.array([numbers.get(home, label) for home, label in zip(
+            self._homes, self._labels, strict=True)], np.int64)
+        return dataclasses.replace(self._plain, orbits=ordered, chaotic=self._chaos,
+                                   stay=self._stay, labels=labels, states=self._states)
+
+    def follow_to(self, impacts: int) -> None:
+        """Follow what is left until it has made so many impacts."""
+        if impacts <= self.followed or not len(self.left):
+            return
+        catalogue = self.catalogue()
+        results = catalogue.label(self.unsettled, impacts - self.followed, **self._settings)
+        keys = [each.key for each in catalogue.attractors if each.label >= 0]
+        self._labels[self.left] = results['label']
+        self._homes[self.left] = [keys[label] if label >= 0 else '' for label in results['label']]
+        self._states[self.left] = moved(self.unsettled, results)
+        self.left = self.left[results['label'] == UNRESOLVED]
+        self.followed = impacts
+
+    def confirmed(self, effort: Effort, check: Check) -> tuple[list[ChaoticSet], list[Orbit]]:
+        """Find the sets that nothing leaves, and orbits to which some leave."""
+        plain, found = self._plain, list[ChaoticSet]()
+        wanted = CONFIRMED * plain.hold
+        states = self.unsettled[np.arange(LANES) % len(self.left)]
+        states['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(self.left))
+        ends = states[:0]
         check()
+        for chaos in chaotic_sets(plain.parameters, states, max(wanted // LANES, effort.length),
+                                  effort, plain.tolerance)[:SETS_MOST]:
+            check()
+            ends = np.concatenate([ends, chaos.states[chaos.recurs]])
+            report = chaos.exponents
+            if (np.any(chaos.recurs)
+                    or not report.lambda_1 > SIGNIFICANT * report.lambda_1_error):
+                continue
+            if chaos.impacts < wanted:
+                # Few trajectories came there: they go on in all lanes.
+                more = chaos.states[np.arange(LANES) % len(chaos.states)]
+                more['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(chaos.states))
+                results = follow(more, -(-(wanted - chaos.impacts) // LANES),
+                                 self.catalogue().table, **self._settings)
+                ends = np.concatenate([ends, moved(more, results)])
+                if np.any(results['label'] != UNRESOLVED):
+                    continue
+            found.append(chaos)
+        orbits = orbits_among(plain.parameters, ends, *effort.stages[-1][1:], plain.tolerance,
+                              check)
+        return found, orbits
 
-    run_tiles(functools.partial(_settle_batch, starts, size, cap, table),
-              range(-(-len(starts) // size)), keep, cluster=cluster, threads=threads)
-    return results
+    def settle_on(self, sets: list[ChaoticSet]) -> None:
+        """Let what is left settle on sets that nothing leaves, and find how soon it may."""
+        tried = dataclasses.replace(self.catalogue(), chaotic=tuple(sets))
+        known = len(tried.orbits)
+        elsewhere = self._starts[np.setdiff1d(np.arange(len(self._starts)), self.left)]
+        for stay in STAYS:
+            if not tried.chaotic or stay > self._plain.hold:
+                return
+            labels = dataclasses.replace(tried, stay=stay).label(
+                elsewhere, **self._settings)['label']
+            leaks = np.unique(labels[labels >= known])
+            if not len(leaks):
+                break
+            if stay == STAYS[-1]:
+                # What trajectories leave after so long is a transient.
+                tried = dataclasses.replace(tried, chaotic=tuple(
+                    chaos for number, chaos in enumerate(sets) if known + number not in leaks))
+        self._chaos, self._stay = tried.chaotic, stay
+        self.follow_to(max(self._plain.hold, self.followed + stay))
 
 
-def _settle_batch(starts: RecordArray, size: int, cap: int, table: Table, batch: int
-                  ) -> RecordArray:
-    part = starts[batch * size:(batch + 1) * size]
-    results = np.zeros(len(part), RESULT)
-    settle_here(part, cap, table, results)
-    return results
-
-
-def settle_here(starts: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
-    """
-    Follow starts until they settle, in this thread.
-
-    Parameters
-    ----------
-    starts : ndarray of START, shape (n,)
-        The starts.
-    cap : int
-        Impacts after which a start is given up.
-    table : Table
-        Known attractors.
-    results : ndarray of RESULT, shape (n,)
-        Receives what became of them.
-
-    Returns
-    -------
-    int
-        Impacts made.
-
-    """
-    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), starts, cap,
-                        table, results))
+def carried(orbits: tuple[Orbit, ...], parameters: Parameters, tolerance: float) -> list[Orbit]:
+    """Close orbits of nearby parameters at these; those that are stable here."""
+    found = (close_orbit(orbit.walls, orbit.points, parameters, NEAR) for orbit in orbits
+             if orbit.sticks < 0)
+    stable = (with_neighbourhood(orbit, tolerance) for orbit in found
+              if orbit is not None and orbit.is_stable)
+    return [orbit for orbit in stable if orbit is not None]
 
 
 def orbits_among(parameters: Parameters, states: RecordArray, count: int, longest: int,
@@ -296,63 +263,18 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
 
     """
     found: dict[str, Orbit] = {}
-    tried: list[tuple[int, npt.NDArray[np.float64]]] = []
     for first in range(0, len(states), BATCH):
         check()
         rows, counts = record_impacts(states[first:first + BATCH], 0, count)
-        for row, made in zip(rows, counts, strict=True):
-            if made < count:
-                continue
+        for row in rows[counts == count]:
+            last = row[-1]
             q = int(shortest_recurrence(row, longest, tolerance))
-            here = np.array([row[-1]['phase'], row[-1]['velocity']])
             # The same again as another trajectory has shown.
-            if any(q == other and np.max(np.abs(here - there)) < 2.0 * tolerance
-                   for other, there in tried if q):
+            if q and any(orbit.impacts == q and np.min(distances(
+                    orbit.velocities, orbit.phases, last['velocity'], last['phase']))
+                    < 2.0 * tolerance for orbit in found.values()):
                 continue
             orbit = find_orbit(parameters, row, longest, tolerance)
             if orbit is not None:
                 found.setdefault(orbit.key, orbit)
-            if q and orbit is not None:
-                tried.extend((q, np.array(point)) for point in zip(
-                    orbit.phases, orbit.velocities, strict=True))
     return [found[key] for key in sorted(found)]
-
-
-def _with_chaos(plain: Catalogue, survivors: RecordArray, follow: Callable[[Table], RecordArray],
-                trace: Trace, check: Check) -> Catalogue:
-    """Add the sets on which survivors move; `follow` tells what becomes of all starts."""
-    sets, speed = trace(plain.parameters, survivors)
-    check()
-    sets = sorted(
-        (found for found in sets if found.exponents.lambda_1
-         > SIGNIFICANT * found.exponents.lambda_1_error), key=lambda found: found.key)[:SETS_MOST]
-    known = len(plain.orbits)
-    settled = plain.labels != UNRESOLVED
-    for stay in STAYS:
-        if not sets:
-            break
-        tried = dataclasses.replace(plain, chaotic=tuple(sets), box_speed=speed, stay=stay)
-        labels = follow(tried.table())['label']
-        leaks = {int(label) for label in labels[settled] if label >= known}
-        if not leaks:
-            return dataclasses.replace(tried, labels=labels)
-        if stay == STAYS[-1]:
-            # What trajectories leave is a transient, however long.
-            sets = [found for number, found in enumerate(sets) if known + number not in leaks]
-            if sets:
-                tried = dataclasses.replace(tried, chaotic=tuple(sets))
-                return dataclasses.replace(tried, labels=follow(tried.table())['label'])
-    return plain
-
-
-def _table(orbits: tuple[Orbit, ...], tolerance: float, numbers: list[int],
-           sets: tuple[BoxSet, ...], speed: float, stay: int, first: int) -> Table:
-    if not sets:
-        return make_table(orbits, tolerance, numbers=numbers)
-    boxes = np.full((2, BOXES, BOXES), EMPTY, np.int8)
-    for number, found in enumerate(sets):
-        # Where two sets meet, a box is of neither.
-        grown = dilated(found.boxes)
-        boxes = np.where(grown & (boxes == EMPTY), first + number, np.where(
-            grown, EMPTY, boxes)).astype(np.int8)
-    return make_table(orbits, tolerance, numbers=numbers, boxes=boxes, box_speed=speed, stay=stay)

@@ -5,23 +5,21 @@ import dataclasses
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from .catalogue import Kind
 from .cli import Figure, Run, run_tool
-from .ensembles import orbit_of, SAME
 from .grid import Plane, TWO_PI
 from .layout import Axis, Layout, Variable
 from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
+from .search import find_attractors
 from .store import Store
 from .store_making import make_store
-from ..core.closed_orbits import Orbit, same_orbit
+from ..core.closed_orbits import FloatArray
 from ..core.model import Parameters
 from ..core.recorded import record_impacts
 
 # Trajectories followed at once.
 BATCH: Final = 64
-# What recurs is looked for in so many of the last impacts.
-LAST: Final = 256
 SETTLED, WANDERING = 0, 1
 TABLES: Final = ('orbit_phase', 'orbit_velocity')
 
@@ -68,8 +66,6 @@ class Section:
         if not self.velocity[0] < self.velocity[1]:
             raise ValueError(f'velocity window {self.velocity[0]:g} to {self.velocity[1]:g} is '
                              'empty or reversed; give the lower end first')
-        if self.keep < LAST:
-            raise ValueError(f'impacts to keep {self.keep} must be at least {LAST}')
 
 
 def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
@@ -96,33 +92,40 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
         return store, list(store.attributes['seen'])
     progress = run.progress(section.trajectories)
     starts = section.plane.random_starts(section.parameters, section.trajectories, section.seed)
+    last = section.skip + section.keep
+    catalogue = find_attractors(section.parameters, starts, hold=last, threads=run.threads)
     counts = np.zeros((2, section.velocities, section.phases))
-    orbits: list[Orbit] = []
-    members: list[int] = []
-    points: list[npt.NDArray[np.float64]] = []
-    for first in range(0, len(starts), BATCH):
-        rows, made = record_impacts(starts[first:first + BATCH], section.skip, section.keep)
-        for row, count in zip(rows, made, strict=True):
-            impacts = row[:count]
-            orbit = orbit_of(impacts[-LAST:], section.parameters) if count >= LAST else None
-            if orbit is not None:
-                _enter(orbits, members, orbit)
-                points.append(orbit.points)
-            counts[WANDERING if orbit is None else SETTLED] += np.histogram2d(
-                impacts['velocity'] if orbit is None else orbit.points[:, 1],
-                impacts['phase'] if orbit is None else orbit.points[:, 0],
-                (section.velocities, section.phases), (section.velocity, (0.0, TWO_PI)))[0]
+
+    def count(kind: int, phases: FloatArray, velocities: FloatArray, times: int) -> None:
+        counts[kind] += times * np.histogram2d(
+            velocities, phases, (section.velocities, section.phases),
+            (section.velocity, (0.0, TWO_PI)))[0]
+
+    words = []
+    points = [np.zeros((0, 2))]
+    for each in catalogue.attractors:
+        if each.orbit and each.settled:
+            count(SETTLED, each.orbit.phases, each.orbit.velocities, each.settled)
+            points.append(each.orbit.points)
+            words.append(f'{each.settled} are on an orbit of {each.impacts} impacts in '
+                         f'{each.drive_periods} drive periods, largest multiplier '
+                         f'{abs(each.multipliers[0]):.4f}: {each.key}')
+        elif each.settled:
+            after = f' after {last:,} impacts' if each.kind is Kind.UNSETTLED else ''
+            words.append(f'{each.settled} are {each.kind.value}{after}: {each.key}')
+    on_orbit = np.isin(catalogue.labels, [each.label for each in catalogue.attractors
+                                          if each.orbit])
+    progress.add(int(np.count_nonzero(on_orbit)))
+    wandering = starts[~on_orbit]
+    for first in range(0, len(wandering), BATCH):
+        rows, made = record_impacts(wandering[first:first + BATCH], section.skip, section.keep)
+        for row, length in zip(rows, made, strict=True):
+            count(WANDERING, row['phase'][:length], row['velocity'][:length], 1)
         progress.add(len(rows), int(made.sum()) + len(rows) * section.skip)
     progress.end()
     for kind in (SETTLED, WANDERING):
         store.write(kind, {'count': counts[kind][None].astype(np.uint32)})
-    words = [f'{section.trajectories - sum(members)} of {section.trajectories} trajectories do '
-             f'not recur after {section.skip + section.keep:,} impacts']
-    words += [f'{n} are on an orbit of {o.impacts} impacts in {o.drive_periods} drive '
-              f'periods, largest multiplier {abs(o.multipliers[0]):.4f}'
-              for o, n in zip(orbits, members, strict=True)]
-    found = np.concatenate(points) if points else np.zeros((0, 2))
-    found = np.unique(np.round(found, 9), axis=0)
+    found = np.concatenate(points)
     store.write_table({
         TABLES[0]: (('point',), found[:, 0], {
             'long_name': 'phase of the impacts of periodic orbits', 'units': 'rad'}),
@@ -133,15 +136,6 @@ def compute(section: Section, run: Run) -> tuple[Store, list[str]]:
     for kind in (SETTLED, WANDERING):
         store.mark(kind)
     return store, words
-
-
-def _enter(orbits: list[Orbit], members: list[int], orbit: Orbit) -> None:
-    for k, known in enumerate(orbits):
-        if same_orbit(known, orbit, SAME):
-            members[k] += 1
-            return
-    orbits.append(orbit)
-    members.append(1)
 
 
 def _layout(section: Section) -> Layout:
@@ -185,7 +179,7 @@ def main(arguments: list[str] | None = None) -> int:
                         help='random starts; 64 by default')
     parser.add_argument('--skip', type=whole(0), default=1000, metavar='N',
                         help='impacts passed over; 1000 by default')
-    parser.add_argument('--keep', type=whole(LAST), default=20_000, metavar='N',
+    parser.add_argument('--keep', type=whole(1), default=20_000, metavar='N',
                         help='impacts counted then; 20000 by default')
     parser.add_argument('--bins', type=whole(1), nargs=2, default=[720, 540], metavar=('N', 'M'),
                         help='along phase and velocity; 720 540 by default')

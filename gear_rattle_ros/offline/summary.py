@@ -1,12 +1,10 @@
 """One picture of a bag: section, velocities, alpha, exponents, the last motion, in words."""
 
-import argparse
 import io
 import math
 from pathlib import Path
-import sys
 import textwrap
-from typing import Final, NoReturn
+from typing import Final
 
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -19,6 +17,7 @@ import numpy.typing as npt
 
 from .digest import Digest, digest_of, in_words, RowArray
 from .figures_style import GREY, phase_ticks, thousands, VELOCITY_LABEL
+from .plain import attempt, Parser
 from ..bags import Bag, BagError
 from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
@@ -39,22 +38,7 @@ BLUE, GREEN, VIOLET, ORANGE = '#2b6fb8', '#2f9e62', '#8a56c2', '#d9781e'
 
 
 def draw(digest: Digest, name: str) -> Figure:
-    """
-    Draw a run.
-
-    Parameters
-    ----------
-    digest : Digest
-        The run, with at least one impact.
-    name : str
-        What the run is called.
-
-    Returns
-    -------
-    Figure
-        1600 x 1000 pixels when saved.
-
-    """
+    """Draw a run."""
     figure = Figure((WIDTH, HEIGHT), dpi=DPI, layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(title_of(digest, name), fontsize=14)
@@ -73,22 +57,7 @@ def draw(digest: Digest, name: str) -> Figure:
 
 
 def title_of(digest: Digest, name: str) -> str:
-    """
-    Say what was recorded.
-
-    Parameters
-    ----------
-    digest : Digest
-        The run.
-    name : str
-        What it is called.
-
-    Returns
-    -------
-    str
-        One line.
-
-    """
+    """Say what was recorded."""
     assert digest.place is not None
     first, event = digest.changes.rows[0], digest.place.event
     periods = digest.place.drive_time - first['drive_time']
@@ -98,19 +67,7 @@ def title_of(digest: Digest, name: str) -> str:
 
 
 def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
-    """
-    Draw where impacts fall in phase and velocity.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-    norm : Normalize
-        Scale of alpha.
-
-    """
+    """Draw where impacts fall in phase and velocity."""
     points = digest.points.rows
     drawn = axes.scatter(
         points['phase'], points['velocity'], s=_size(len(points)), linewidths=0,
@@ -136,17 +93,7 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
 
 
 def draw_words(axes: Axes, digest: Digest) -> None:
-    """
-    Write what the trajectory was found to do.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Write what the trajectory was found to do."""
     axes.axis('off')
     lines = [in_words(word) for word in digest.words]
     if len(lines) > 6:
@@ -159,19 +106,7 @@ def draw_words(axes: Axes, digest: Digest) -> None:
 
 
 def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
-    """
-    Draw velocities in the order of the impacts, with the retunes.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-    norm : Normalize
-        Scale of alpha.
-
-    """
+    """Draw velocities in the order of the impacts, with the retunes."""
     points, changes = digest.points.rows, digest.changes.rows[1:]
     axes.scatter(points['impact'], points['velocity'], s=_size(len(points)), linewidths=0,
                  c=_colours(points, norm), rasterized=True)
@@ -187,17 +122,7 @@ def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
 
 
 def draw_alpha(axes: Axes, digest: Digest) -> None:
-    """
-    Draw alpha in time.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Draw alpha in time."""
     assert digest.place is not None
     changes = digest.changes.rows
     axes.step([*changes['drive_time'], digest.place.drive_time],
@@ -208,17 +133,7 @@ def draw_alpha(axes: Axes, digest: Digest) -> None:
 
 
 def draw_exponents(axes: Axes, digest: Digest) -> None:
-    """
-    Draw the running and finite-time exponents, with the error and the exact sum.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Draw the running and finite-time exponents, with the error and the exact sum."""
     rows = digest.estimates.rows
     rows = rows[rows['impacts'] >= IMPACTS_LEAST]
     axes.set(title='Lyapunov exponents per impact, averaged since the last retune',
@@ -244,17 +159,7 @@ def draw_exponents(axes: Axes, digest: Digest) -> None:
 
 
 def draw_motion(axes: Axes, digest: Digest) -> None:
-    """
-    Draw the motion between the walls over the last drive periods.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    digest : Digest
-        The run.
-
-    """
+    """Draw the motion between the walls over the last drive periods."""
     motion = rebuild(digest.tail, TWO_PI / 200.0, PERIODS)
     for wall in (0.0, -1.0):
         axes.axhline(wall, color=ORANGE, linewidth=2.0)
@@ -266,24 +171,7 @@ def draw_motion(axes: Axes, digest: Digest) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """
-    Write a picture.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    path : Path
-        Where to; .png is the format unless its ending says another.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    ValueError
-        If the ending is of no known format.
-
-    """
+    """Write a picture."""
     figure.savefig(path, dpi=DPI)
 
 
@@ -294,51 +182,28 @@ def prepare() -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `summary BAG [--output FILE.png]`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, or 2 with one line that says why.
-
-    """
-    parser = _Parser('summary', description='Make one picture of a bag.')
+    """Run the command `summary BAG [--output FILE.png]`."""
+    parser = Parser('summary', description='Make one picture of a bag.')
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
     parser.add_argument('--output', type=Path, metavar='FILE.png',
                         help='the picture; by default summary.png beside the bag')
     given = parser.parse_args(arguments)
     output = given.output or given.bag.resolve().parent / 'summary.png'
-    try:
-        digest = digest_of(Bag(given.bag).events())
-    except BagError as error:
-        return _fail(str(error))
-    except ValueError as error:
-        return _fail(f'{given.bag}: {error}')
-    try:
-        save(draw(digest, given.bag.resolve().name), output)
-    except OSError as error:
-        return _fail(f'{output}: {error.strerror}')
-    except ValueError as error:
-        return _fail(f'{output}: {error}')
-    print(output)
-    return 0
 
+    def run() -> int:
+        at = given.bag
+        try:
+            digest = digest_of(Bag(given.bag).events())
+            at = output
+            save(draw(digest, given.bag.resolve().name), output)
+        except BagError:
+            raise
+        except ValueError as error:
+            raise ValueError(f'{at}: {error}') from error
+        print(output)
+        return 0
 
-class _Parser(argparse.ArgumentParser):
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f'{self.prog}: {message}\n')
-
-
-def _fail(message: str) -> int:
-    print(f'summary: {message}', file=sys.stderr)
-    return 2
+    return attempt('summary', run)
 
 
 def _spread(values: npt.NDArray[np.float64]) -> tuple[float, float]:

@@ -6,14 +6,16 @@ from typing import Final
 
 import numpy as np
 
-from .ensembles import Kind, run_ensemble, settle, Window
 from .grid import Plane
+from .search import find_attractors
 from ..core.branches import Change, follow
 from ..core.closed_orbits import close_orbit, Orbit
 from ..core.elementary import TWO_PI
 from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
 from ..core.model import Parameters
 
+# Trajectories are given up after so many impacts.
+HOLD: Final = 20_000
 # An orbit is carried on in alpha in steps no longer than this.
 STEP: Final = 2e-3
 # The distance is taken to be smooth in alpha where it is below this [1].
@@ -156,13 +158,12 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
         If no trajectory settles on a periodic orbit, or it has no saddle.
 
     """
-    starts = Plane().random_starts(parameters, 64, seed)
-    found = [one for one in settle(run_ensemble(starts, parameters, Window(skip=20_000)))
-             if one.kind is Kind.ORBIT]
-    if not found or found[0].orbit is None:
+    found = find_attractors(parameters, Plane().random_starts(parameters, 64, seed), hold=HOLD,
+                            chaotic=False).attractors
+    captor = max(found, key=lambda each: each.settled if each.orbit else -1).orbit
+    if captor is None:
         raise ValueError(f'alpha = {parameters.alpha:g}: no trajectory settles on a periodic '
                          'orbit; give a bracket that ends beyond the crisis')
-    captor = found[0].orbit
     for direction in (-1.0, 1.0):
         branch = follow(captor, direction, low - BEYOND, parameters.alpha + BEYOND)
         folds = [turn for turn in branch.turns if turn.change is Change.FOLD]

@@ -9,21 +9,23 @@ from typing import Any, Final
 
 import numpy as np
 
+from .catalogue import Catalogue, follow_here, moved
 from .cli import Run
 from .engine import run_tiles
 from .grid import Plane
 from .layout import Axis, Layout, Variable
-from .search import Catalogue, orbits_among, settle_here, STAGES
+from .search import orbits_among
 from .store import Store
 from .store_making import make_store
-from ..core.classify import RESULT, Table, UNRESOLVED
+from ..core.chaos import GLANCE
+from ..core.classify import RESULT, UNRESOLVED
+from ..core.closed_orbits import Orbit
 from ..core.model import Parameters
-from ..core.periodic import Orbit
 
 LABELS: Final = '<i2'
 LIFETIMES: Final = '<i4'
 # Impacts of a start that are looked at where it has not settled, and longest period.
-LOOKED_AT: Final = STAGES[0][1:]
+LOOKED_AT: Final = GLANCE[1:]
 LATE: Final = 'late_orbits'
 # Tiles: as many along an edge, within these lengths.
 ACROSS: Final = 4
@@ -40,25 +42,19 @@ class Job:
     ----------
     path : Path
         The store.
-    parameters : Parameters
-        Of the model.
     plane : Plane
         All cells.
     cap : int
         Impacts after which a start is given up.
-    tolerance : float
-        Largest distance of a trajectory that is on its orbit [1].
-    table : Table
+    catalogue : Catalogue
         Known attractors.
 
     """
 
     path: Path
-    parameters: Parameters
     plane: Plane
     cap: int
-    tolerance: float
-    table: Table
+    catalogue: Catalogue
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,16 +133,14 @@ def compute_tile(job: Job, tile: int) -> Done:
     """
     store = Store(job.path)
     starts = job.plane.starts(
-        job.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])
+        job.catalogue.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])
     results = np.zeros(len(starts), RESULT)
-    impacts = settle_here(starts, job.cap, job.table, results)
+    impacts = follow_here(starts, job.cap, job.catalogue.table, results)
     _write(store, tile, results)
     left = results['label'] == UNRESOLVED
-    states = starts[left]
-    for name in ('phase', 'displacement', 'velocity'):
-        states[name] = results[name][left]
     return Done(impacts, tuple(orbits_among(
-        job.parameters, states, *LOOKED_AT, job.tolerance)))
+        job.catalogue.parameters, moved(starts[left], results[left]), *LOOKED_AT,
+        job.catalogue.tolerance)))
 
 
 def resolve_tile(job: Job, tile: int) -> Done:
@@ -172,9 +166,9 @@ def resolve_tile(job: Job, tile: int) -> Done:
     if not np.any(left):
         return Done(0, ())
     starts = job.plane.starts(
-        job.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])[left]
+        job.catalogue.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])[left]
     found = np.zeros(len(starts), RESULT)
-    impacts = settle_here(starts, job.cap, job.table, found)
+    impacts = follow_here(starts, job.cap, job.catalogue.table, found)
     results = np.zeros(len(label), RESULT)
     results['label'], results['lifetime'] = label, lifetime
     results['label'][left], results['lifetime'][left] = found['label'], found['lifetime']
@@ -182,8 +176,8 @@ def resolve_tile(job: Job, tile: int) -> Done:
     return Done(impacts, ())
 
 
-def compute_grid(store: Store, parameters: Parameters, plane: Plane, catalogue: Catalogue,
-                 cap: int, run: Run) -> tuple[Orbit, ...]:
+def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, run: Run
+                 ) -> Catalogue:
     """
     Compute all tiles of a store that are not done.
 
@@ -191,8 +185,6 @@ def compute_grid(store: Store, parameters: Parameters, plane: Plane, catalogue: 
     ----------
     store : Store
         The store.
-    parameters : Parameters
-        Of the model.
     plane : Plane
         The cells.
     catalogue : Catalogue
@@ -204,24 +196,24 @@ def compute_grid(store: Store, parameters: Parameters, plane: Plane, catalogue: 
 
     Returns
     -------
-    tuple of Orbit
-        Orbits that no random start had reached, in the order of their keys; labels follow those
-        of the catalogue.
+    Catalogue
+        With the orbits that no random start had reached.
 
     """
-    late = {orbit.key: orbit for orbit in _orbits_from(store.attributes.get(LATE, '[]'))}
-    known = {orbit.key for orbit in catalogue.orbits}
-    job = Job(store.path, parameters, plane, cap, catalogue.tolerance, catalogue.table())
+    known = catalogue.with_orbits(tuple(_orbits_from(
+        store.attributes.get(LATE, '[]'), catalogue.parameters)))
+    job = Job(store.path, plane, cap, catalogue)
     progress = run.progress(plane.phases * plane.velocities)
     pending = store.pending()
     progress.skip(sum(_size(store, tile) for tile in range(len(store.tiles)))
                   - sum(_size(store, tile) for tile in pending))
 
     def finished(tile: int, done: Done) -> None:
-        fresh = {orbit.key: orbit for orbit in done.orbits if orbit.key not in {*known, *late}}
-        if fresh:
-            late.update(fresh)
-            store.set_attributes({LATE: _text_of(late)})
+        nonlocal known
+        more = known.with_orbits(done.orbits)
+        if more is not known:
+            known = more
+            store.set_attributes({LATE: _text_of(known.late)})
         store.mark(tile)
         progress.add(_size(store, tile), done.impacts)
 
@@ -232,13 +224,15 @@ def compute_grid(store: Store, parameters: Parameters, plane: Plane, catalogue: 
 
     try:
         do(compute_tile, pending, finished)
-        ordered = tuple(late[key] for key in sorted(late))
-        if ordered:
-            job = dataclasses.replace(job, table=catalogue.table(ordered))
+        if known.late:
+            # In the order of their keys: tiles end in any order.
+            known = dataclasses.replace(known, late=tuple(
+                sorted(known.late, key=lambda orbit: orbit.key)))
+            job = dataclasses.replace(job, catalogue=known)
             do(resolve_tile, list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
     finally:
         progress.end()
-    return ordered
+    return known
 
 
 def open_grid(run: Run, layout: Layout) -> Store:
@@ -270,22 +264,23 @@ def _write(store: Store, tile: int, results: np.ndarray[Any, Any]) -> None:
     store.write(tile, {name: results[name].reshape(shape) for name in ('label', 'lifetime')})
 
 
-def _text_of(late: dict[str, Orbit]) -> str:
+def _text_of(late: tuple[Orbit, ...]) -> str:
     return json.dumps([{
-        'sides': orbit.sides.tolist(), 'phases': orbit.phases.tolist(),
-        'velocities': orbit.velocities.tolist(), 'flight_times': orbit.flight_times.tolist(),
-        'drive_periods': orbit.drive_periods, 'sticks': orbit.sticks,
-        'multipliers': [[value.real, value.imag] for value in orbit.multipliers],
-        'forms': [[None if np.isinf(value) else value for value in form]
-                  for form in orbit.forms.tolist()],
-    } for orbit in late.values()])
+        'walls': orbit.walls.tolist(), 'points': orbit.points.tolist(),
+        'flight_times': orbit.flight_times.tolist(), 'drive_periods': orbit.drive_periods,
+        'multipliers': [[value.real, value.imag] for value in orbit.multipliers.tolist()],
+        'sticks': orbit.sticks,
+        'forms': None if orbit.forms is None else [
+            [None if np.isinf(value) else value for value in form]
+            for form in orbit.forms.tolist()],
+    } for orbit in late])
 
 
-def _orbits_from(text: str) -> list[Orbit]:
+def _orbits_from(text: str, parameters: Parameters) -> list[Orbit]:
     return [Orbit(
-        np.array(each['sides'], np.int64), np.array(each['phases']), np.array(each['velocities']),
+        parameters, np.array(each['walls'], np.int64), np.array(each['points']),
         np.array(each['flight_times']), each['drive_periods'],
-        (complex(*each['multipliers'][0]), complex(*each['multipliers'][1])), each['sticks'],
-        np.array([[np.inf if value is None else value for value in form]
-                  for form in each['forms']]).reshape(-1, 3),
+        np.array([complex(*value) for value in each['multipliers']]), each['sticks'],
+        None if each['forms'] is None else np.array([
+            [np.inf if value is None else value for value in form] for form in each['forms']]),
     ) for each in json.loads(text)]

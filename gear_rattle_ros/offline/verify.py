@@ -174,20 +174,7 @@ def verify(path: Path, topic: str = '') -> Verdict:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Verify bags.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0 if all are verified, 1 if one is not, 2 if one cannot be read.
-
-    """
+    """Verify bags."""
     parser = Parser(prog='verify', description=(
         'Rebuild every flight of a recorded run from the bag alone, find each event again bit for '
         'bit, and recompute the exponents and transients that were recorded live.'))

@@ -1,15 +1,21 @@
 """Elementary functions against 60-digit mpmath, in units of the last place."""
 
+import ast
 from collections.abc import Iterator
 import math
+from pathlib import Path
+import re
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core import elementary, fingerprint
 from gear_rattle_ros.core.elementary import (
     arctangent,
     exp_minus,
+    length,
+    logarithm,
     relaxation,
     sine_cosine,
     sine_defect,
@@ -78,11 +84,75 @@ def test_sine_less_argument_does_not_cancel() -> None:
 
 def test_decaying_exponential() -> None:
     """exp(-x) is good to an ulp down to the subnormals, and then zero."""
-    for x in sample(1e-12, 708.0):
+    for x in np.concatenate([sample(1e-12, 708.0), -sample(1e-12, 700.0, 100)]):
         assert ulps(exp_minus(float(x)), mp.exp(-mp.mpf(float(x)))) < 1.5
     assert exp_minus(0.0) == 1.0
     assert exp_minus(744.0) == pytest.approx(float(mp.exp(-744)), abs=5e-324)
     assert exp_minus(747.0) == exp_minus(1e300) == exp_minus(math.inf) == 0.0
+
+
+def test_logarithm_within_an_ulp() -> None:
+    """The logarithm is good to an ulp, near one and at the subnormals too."""
+    rng = np.random.default_rng(3)
+    below = rng.integers(1, 2**52, 300).view(np.float64)
+    beside = 1.0 + rng.normal(size=300) * 10.0**rng.uniform(-16.0, -1.0, 300)
+    ends = [5e-324, 2.0**-1022, math.nextafter(2.0**-1022, 0.0), math.sqrt(0.5), math.sqrt(2.0),
+            math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0), math.nextafter(math.inf, 0.0)]
+    for x in np.concatenate([sample(1e-307, 1e308, 600), sample(0.4, 3.0, 600), below, beside,
+                             ends]):
+        if x != 1.0:
+            assert ulps(logarithm(float(x)), mp.log(mp.mpf(float(x)))) < 0.85, x
+
+
+def test_logarithm_of_what_has_none() -> None:
+    """Zero, infinity, nan and negative numbers give what IEEE 754 recommends."""
+    assert logarithm(1.0) == 0.0
+    assert logarithm(0.0) == logarithm(-0.0) == -math.inf
+    assert logarithm(math.inf) == math.inf
+    assert all(math.isnan(logarithm(x)) for x in (math.nan, -5e-324, -1.0, -math.inf))
+
+
+def test_length_of_vectors_of_every_size() -> None:
+    """The length is good to an ulp where squares overflow or vanish, and as hypot elsewhere."""
+    for scale in (5e-324, 1e-310, 1e-200, 1e-141, 1.0, 1e150, 1e200, 1e307):
+        for x, y in np.random.default_rng(4).normal(size=(100, 2)) * scale:
+            exact = mp.sqrt(mp.mpf(float(x))**2 + mp.mpf(float(y))**2)
+            assert exact == length(float(x), float(y)) or ulps(length(x, y), exact) < 2.0
+    assert length(0.0, -0.0) == 0.0
+    assert length(-math.inf, 1.0) == length(0.0, math.inf) == math.inf
+    assert math.isnan(length(math.nan, 1.0))
+
+
+def test_kernels_call_no_function_that_a_library_may_round_in_its_own_way() -> None:
+    """In kernels only what IEEE 754 rounds exactly is called of math and numpy."""
+    exact = {'math.sqrt', 'math.floor', 'math.ceil', 'math.copysign', 'math.isfinite',
+             'math.isnan', 'math.isinf', 'np.rint', 'np.floor', 'np.signbit', 'np.empty',
+             'np.zeros', 'np.ones', 'np.full', 'np.float64', 'np.int32', 'np.int64', 'np.uint32',
+             'np.uint64'}
+    kernels = 0
+    for path in Path(elementary.__file__).parent.rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.FunctionDef) or not {'kernel', 'inlined'} & {
+                    ast.unparse(decorator) for decorator in node.decorator_list}:
+                continue
+            kernels += 1
+            for part in ast.walk(node):
+                if isinstance(part, ast.Call):
+                    name = ast.unparse(part.func)
+                    inexact = re.fullmatch(r'(math|np)\.[\w.]+', name) and name not in exact
+                    assert not inexact, (path, name)
+                if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Pow):
+                    assert isinstance(part.left, ast.Constant), (path, ast.unparse(part))
+    assert kernels > 50
+
+
+def test_the_fingerprint_hears_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One case of the fingerprint is noisy: the draws have a name too."""
+    plain = fingerprint.fingerprint()
+    monkeypatch.setattr(fingerprint, '_NOISE', (0.0,) * len(fingerprint._CASES))
+    assert fingerprint.fingerprint.__wrapped__() != plain
+    monkeypatch.undo()
+    assert fingerprint.fingerprint.__wrapped__() == plain
 
 
 def test_relaxation_functions_of_every_damping() -> None:

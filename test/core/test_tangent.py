@@ -62,8 +62,9 @@ def test_determinants_impact_by_impact(alpha: float) -> None:
         decay = math.exp(-0.1 * between(before, after))
         assert np.linalg.det(flight) == pytest.approx(decay, rel=1e-14)
         assert np.linalg.det(impact) == pytest.approx(0.81, rel=1e-12)
-        assert log_determinant(after['velocity'], after['velocity_after'], 0.9) == (
-            2.0 * math.log(0.9))
+        assert log_determinant(
+            after['velocity'], after['velocity_after'], 0.9, 2.0 * math.log(0.9)) == (
+                2.0 * math.log(0.9))
         jacobian = jacobian_of_equation_9(before, after)
         size = float(np.abs(jacobian).max())**2
         assert np.linalg.det(jacobian) == pytest.approx(
@@ -176,4 +177,4 @@ def test_an_impact_with_a_kick() -> None:
     for ds, dv, column in ((h, 0.0, (s11, s21)), (0.0, h, (0.0, s22))):
         difference = np.subtract(shifted(ds, dv), shifted(-ds, -dv)) / (2 * h)
         assert np.allclose(difference, column, rtol=1e-6, atol=1e-6)
-    assert log_determinant(v, after, r) == pytest.approx(math.log(abs(s11 * s22)), rel=1e-14)
+    assert log_determinant(v, after, r, 0.0) == pytest.approx(math.log(abs(s11 * s22)), rel=1e-14)

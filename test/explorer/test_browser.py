@@ -21,7 +21,7 @@ from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP
 from gear_rattle_ros.offline.colours import HUES
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors, settle
+from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 pytestmark = pytest.mark.long
@@ -89,8 +89,7 @@ def test_page_loads_and_draws_both_basins(tab: Tab, tmp_path: Path) -> None:
     parameters, plane = Parameters(), Plane(phases=150, velocities=150)
     catalogue = find_attractors(parameters, plane.random_starts(parameters, 300, 4),
                                 chaotic=False)
-    labels = settle(plane.starts(parameters, slice(0, 150), slice(0, 150)), CAP,
-                    catalogue.table())['label']
+    labels = catalogue.label(plane.starts(parameters, slice(0, 150), slice(0, 150)), CAP)['label']
     for number in (0, 1):
         assert np.mean(near[..., number]) == pytest.approx(np.mean(labels == number), abs=0.03)
     legend = tab.get('legend', 'text')
@@ -117,7 +116,7 @@ def test_wheel_zooms_and_every_cell_is_computed_afresh(tab: Tab) -> None:
     starts = plane.starts(parameters, slice(0, size), slice(0, size))[::97]
     catalogue = find_attractors(parameters, Plane().random_starts(parameters, 300, 4),
                                 chaotic=False)
-    theirs = settle(starts, CAP, catalogue.table())
+    theirs = catalogue.label(starts, CAP)
     # The browser knows where its window begins and how wide it is; its end may differ by an ulp.
     assert np.mean(labels[::97] == theirs['label']) > 0.995
 

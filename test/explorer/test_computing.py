@@ -16,7 +16,7 @@ from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP, View
 from gear_rattle_ros.explorer.worker import Worker
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors, settle
+from gear_rattle_ros.offline.search import find_attractors
 
 
 def until(view: View, cells: int) -> Picture:
@@ -42,7 +42,7 @@ def test_labels_are_those_of_a_search_of_its_own(alpha: float, displacement: flo
             break
     catalogue = find_attractors(
         parameters, plane.random_starts(parameters, 300, 8), hold=20_000)
-    theirs = settle(plane.starts(parameters, slice(0, 50), slice(0, 50)), CAP, catalogue.table())
+    theirs = catalogue.label(plane.starts(parameters, slice(0, 50), slice(0, 50)), CAP)
     periodic = [orbit.key for orbit in catalogue.orbits]
     names = [*periodic, *('chaos' for _ in catalogue.chaotic)]
     expected = np.array([names[label] if label >= 0 else 'none' for label in theirs['label']])

@@ -22,8 +22,8 @@ def run_into(path: Path, **settings) -> Run:
 def basin(path: Path, plane: Plane, parameters: Parameters = PARAMETERS, *,
           settings: Settings = SETTINGS, **run):
     """Compute a basin; returns store, labels, lifetimes and attractors."""
-    store, _, attractors = compute_basins(parameters, plane, run_into(path, **run), settings)
-    return store, store.read_all('label'), store.read_all('lifetime'), attractors
+    store, catalogue = compute_basins(parameters, plane, run_into(path, **run), settings)
+    return store, store.read_all('label'), store.read_all('lifetime'), catalogue.attractors
 
 
 def files_of(store: Store) -> dict[str, bytes]:

@@ -23,6 +23,7 @@ from gear_rattle_ros.core.orbits import Regime, TransientDetector
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline import pictures
 from gear_rattle_ros.offline.basins import magnifications
+from gear_rattle_ros.offline.catalogue import Kind
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
@@ -72,7 +73,7 @@ def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, ti
     _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, settings=settings)
     _, expected, lifetimes, known = reference
     assert len(attractors) == len(known) == 2
-    assert [each.starts for each in attractors] == [1, 0]
+    assert [each.settled for each in attractors] == [1, 0]
     ours = np.array([each.key for each in attractors])[label]
     assert np.array_equal(ours, np.array([each.key for each in known])[expected])
     assert np.array_equal(lifetime, lifetimes)
@@ -128,7 +129,7 @@ def test_the_symmetric_model_has_mirrored_basins(tmp_path):
     found = []
     for name, plane in (('upper', upper), ('lower', lower)):
         _, label, lifetime, attractors = basin(tmp_path / name, plane, parameters)
-        found.append((label, lifetime, {each.label: each.points for each in attractors}))
+        found.append((label, lifetime, {each.label: each.points() for each in attractors}))
     (label, lifetime, points), (mirrored, lifetime_2, points_2) = found
     mirrored, lifetime_2 = mirrored[::-1], lifetime_2[::-1]
     assert np.mean(lifetime == lifetime_2) > 0.98
@@ -148,7 +149,7 @@ def test_refilled_lanes_lose_and_repeat_no_start():
     """A thousand starts through 64 lanes give what each gives alone."""
     parameters = Parameters(alpha=0.52)
     starts = PLANE.random_starts(parameters, 1000, 3)
-    table = find_attractors(parameters, starts[:100], hold=3000).table()
+    table = find_attractors(parameters, starts[:100], hold=3000).table
     tile, impacts, watches = new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH)
 
     def settled(some):
@@ -187,7 +188,7 @@ def test_a_chaotic_attractor_has_a_basin_of_its_own(tmp_path):
     _, label, lifetime, attractors = basin(
         tmp_path / 'a', Plane(phases=30, velocities=30), Parameters(alpha=0.57),
         settings=settings)
-    assert [each.kind for each in attractors] == ['periodic', 'chaotic']
+    assert [each.kind for each in attractors] == [Kind.PERIODIC, Kind.CHAOTIC]
     assert set(np.unique(label)) == {0, 1}
     assert lifetime[label == 1].max() < 2000
 
@@ -243,15 +244,13 @@ def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')
     assert len(store.tiles) == 1600
-    table = find_attractors(Parameters(), plane.random_starts(Parameters(), 50, 1),
-                            hold=3000).table()
+    catalogue = find_attractors(Parameters(), plane.random_starts(Parameters(), 50, 1), hold=3000)
     part = dict(store.tiles[0])
     assert {edge.stop - edge.start for edge in part.values()} == {500}
     # A tile of it, made small.
     small = make_store(tmp_path / 'b', grid_layout(
         dataclasses.replace(plane, phases=40, velocities=40), {}, 'small', 1000, 20), 'test')
-    job = Job(small.path, Parameters(), dataclasses.replace(plane, phases=40, velocities=40), 1000,
-              1e-3, table)
+    job = Job(small.path, dataclasses.replace(plane, phases=40, velocities=40), 1000, catalogue)
     assert compute_tile(job, 3).impacts > 400
     assert np.all(small.read(3, 'label') >= 0)
     assert np.all(small.read(0, 'label') == UNRESOLVED)

@@ -23,7 +23,7 @@ def test_attractors_keep_their_colours_through_births_and_doublings() -> None:
         catalogue = search(float(alpha))
         known, hues = follow(known, points_of(catalogue))
         for orbit, hue in zip(catalogue.orbits, hues, strict=True):
-            impacts, periods = len(orbit.sides), orbit.drive_periods
+            impacts, periods = orbit.impacts, orbit.drive_periods
             name = 'B' if impacts == 2 * periods else 'A' if orbit.phases[0] < 4.5 else 'C'
             colours[name].add(hue)
             shapes[name].add((impacts, periods))

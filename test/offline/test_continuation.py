@@ -9,7 +9,6 @@ import pytest
 from gear_rattle_ros.core.branches import Change, follow, leaving
 from gear_rattle_ros.core.closed_orbits import (
     close_orbit,
-    exponents,
     fire,
     Orbit,
     same_orbit,
@@ -19,9 +18,11 @@ from gear_rattle_ros.core.flight import UPPER
 from gear_rattle_ros.core.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.lanes_step import LANES
 from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.periodic import find_orbit
+from gear_rattle_ros.core.recorded import record_impacts
 from gear_rattle_ros.offline.continuation import main
-from gear_rattle_ros.offline.ensembles import orbit_of, run_ensemble, settle, Window
 from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 B, G, R = 0.1, 0.1, 0.9
@@ -30,8 +31,7 @@ B, G, R = 0.1, 0.1, 0.9
 def orbits_of(parameters, trajectories=64):
     """Find the stable orbits."""
     starts = Plane().random_starts(parameters, trajectories, 1)
-    found = settle(run_ensemble(starts, parameters, Window(bins=300)))
-    return [one.orbit for one in found if one.orbit]
+    return list(find_attractors(parameters, starts, hold=5000, chaotic=False).orbits)
 
 
 def orbits_at(alpha):
@@ -99,7 +99,7 @@ def test_multipliers_obey_the_exact_determinant():
         product = complex(orbit.multipliers[0] * orbit.multipliers[1])
         assert product.real == pytest.approx(
             R**(2 * impacts) * math.exp(-B * 2.0 * math.pi * orbit.drive_periods), rel=1e-10)
-        assert sum(exponents(orbit)) == pytest.approx(
+        assert sum(orbit.exponents) == pytest.approx(
             2.0 * math.log(R) - B * 2.0 * math.pi * orbit.drive_periods / impacts, abs=1e-12)
 
 
@@ -285,8 +285,8 @@ def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
     for side, settled in ((-2e-5, 0), (2e-5, LANES)):
         parameters = Parameters(alpha=alpha + side)
         starts = Plane().random_starts(parameters, LANES, 5)
-        last = run_ensemble(starts, parameters, Window(150_000, 256, bins=1)).last
-        orbits = [orbit_of(row, parameters) for row in last]
+        rows, _ = record_impacts(starts, 150_000, 256)
+        orbits = [find_orbit(parameters, row, 64, 1e-6) for row in rows]
         assert sum(o is not None and o.impacts == 5 for o in orbits) == settled
 
 

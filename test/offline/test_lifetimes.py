@@ -72,10 +72,10 @@ def grid(tmp_path_factory):
 
 def test_a_larger_cap_agrees_with_the_estimate(grid, tmp_path):
     """What is short stays what it was; the mean of the censored run holds for the longer one."""
-    store, _, _, escape = grid
+    store, _, escape = grid
     lifetimes, censored = store.read_all('lifetime'), store.read_all('label') == UNRESOLVED
     settings = dataclasses.replace(SETTINGS, cap=6000)
-    longer, _, _, more = compute_lifetimes(
+    longer, _, more = compute_lifetimes(
         Parameters(alpha=1.244), PLANE, run_into(tmp_path / 'b.zarr'), settings)
     lifetimes_2, censored_2 = (longer.read_all('lifetime'),
                                longer.read_all('label') == UNRESOLVED)
@@ -89,7 +89,7 @@ def test_a_larger_cap_agrees_with_the_estimate(grid, tmp_path):
 
 def test_the_store_keeps_the_distribution(grid):
     """The dataset carries the survival and the estimate with its error."""
-    store, _, _, escape = grid
+    store, _, escape = grid
     dataset = open_dataset(store.path)
     censored = float(np.mean(dataset['label'].values == UNRESOLVED))
     assert float(dataset['survival'][-1]) == pytest.approx(censored)

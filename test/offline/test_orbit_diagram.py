@@ -8,8 +8,10 @@ import pytest
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits import Regime, TransientDetector
+from gear_rattle_ros.core.raster import count_velocities
 from gear_rattle_ros.core.simulation import Simulation
-from gear_rattle_ros.offline.ensembles import Kind, run_ensemble, settle, Window
+from gear_rattle_ros.offline.catalogue import Kind
+from gear_rattle_ros.offline.columns import find_branches, Window
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.orbit_diagram import main
 from gear_rattle_ros.offline.store import open_dataset, Store
@@ -68,20 +70,19 @@ def test_exponents_are_half_of_the_exact_sum(diagram):
 
 def test_the_kernel_measures_the_exponent_of_an_orbit():
     parameters = Parameters(alpha=0.48)
-    ensemble = run_ensemble(Plane().random_starts(parameters, 16, 3), parameters,
-                            Window(skip=3000, keep=4096, bins=200))
-    for one in settle(ensemble):
-        blocks = ensemble.growth[one.members]
+    _, found = find_branches(
+        parameters, Plane().random_starts(parameters, 16, 3), Window(keep=4096, bins=200))
+    for one in found:
+        blocks = count_velocities(one.states, 4096, -3.0, 3.0, 200).growth
         error = np.std(blocks, ddof=1) / math.sqrt(blocks.size)
         assert abs(np.mean(blocks) - one.exponent) < 4.0 * error + 1e-4
 
 
 def test_chaotic_exponent_agrees_with_the_stream_of_events():
     parameters = Parameters(alpha=1.1)
-    ensemble = run_ensemble(Plane().random_starts(parameters, 32, 3), parameters,
-                            Window(skip=1000, keep=8192, bins=200))
-    found = settle(ensemble)
-    assert [one.kind for one in found] == [Kind.CHAOTIC]
+    _, found = find_branches(
+        parameters, Plane().random_starts(parameters, 32, 3), Window(keep=8192, bins=200))
+    assert [one.attractor.kind for one in found] == [Kind.CHAOTIC]
     running = RunningLyapunov()
     simulation = Simulation(parameters, State(velocity=-0.8))
     running.update(simulation.advance(100_000, 0.0, 200_000))
@@ -111,9 +112,19 @@ def test_what_is_followed_down_does_not_find_b_again(tmp_path):
 
 def test_an_orbit_just_before_its_doubling_is_not_taken_for_twice_itself():
     parameters = Parameters(alpha=0.529)
-    found = settle(run_ensemble(Plane().random_starts(parameters, 32, 1), parameters, Window()))
-    assert sorted(one.orbit.impacts for one in found if one.orbit) == [2, 3]
-    assert sum(len(one.members) for one in found) == 32
+    _, found = find_branches(parameters, Plane().random_starts(parameters, 32, 1), Window())
+    assert sorted(one.attractor.impacts for one in found) == [2, 3]
+    assert sum(len(one.states) for one in found) == 32
+
+
+@pytest.mark.parametrize('alpha', np.linspace(1.2436, 1.2445, 4))
+def test_a_transient_is_not_called_chaotic(alpha):
+    """Above the crisis all that lives is one orbit; the rest is on its way there."""
+    parameters = Parameters(alpha=float(alpha))
+    _, found = find_branches(parameters, Plane().random_starts(parameters, 96, 1), Window())
+    kinds = {one.attractor.kind for one in found}
+    assert Kind.PERIODIC in kinds <= {Kind.PERIODIC, Kind.UNSETTLED}
+    assert [one.attractor.impacts for one in found if one.attractor.orbit] == [4]
 
 
 def test_the_dataset_says_what_it_is(diagram):

@@ -12,7 +12,6 @@ from gear_rattle_ros.core.orbits import Regime, TransientDetector
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
-from gear_rattle_ros.offline.search import settle
 
 TWO_ATTRACTORS = Parameters(0.48)
 NO_HINTS = np.zeros((0, 3))
@@ -39,8 +38,8 @@ def followed(state: State) -> tuple[int, int]:
 def test_starts_end_where_the_simulation_ends(on_walls: bool) -> None:
     """A sample of cells, on the section and at one displacement."""
     last = pictures(TWO_ATTRACTORS, (50, 60), on_walls=on_walls)[-1]
-    periods = [len(orbit.sides) for orbit in last.catalogue.orbits]
-    assert sorted(periods) == [2, 3] and not last.late
+    periods = [orbit.impacts for orbit in last.catalogue.orbits]
+    assert sorted(periods) == [2, 3] and not last.catalogue.late
     assert not np.any(last.labels == UNRESOLVED)
     compared = 0
     for row, column in np.random.default_rng(3).integers(0, 60, (40, 2)):
@@ -58,7 +57,7 @@ def test_starts_end_where_the_simulation_ends(on_walls: bool) -> None:
 def test_impacts_lie_in_the_basin_of_their_attractor() -> None:
     """On the section, but for cells that the boundary goes through."""
     last = pictures(TWO_ATTRACTORS, (50, 200))[-1]
-    periods = [len(orbit.sides) for orbit in last.catalogue.orbits]
+    periods = [orbit.impacts for orbit in last.catalogue.orbits]
     same = []
     for phase in np.linspace(0.1, 6.1, 30):
         simulation = Simulation(TWO_ATTRACTORS, State(0, float(phase), 0.0, -1.2))
@@ -104,9 +103,9 @@ def test_hints_are_followed() -> None:
     """A point of an orbit leads to it, whatever the random starts do."""
     seen = glance(TWO_ATTRACTORS, NO_HINTS)
     orbit = seen.catalogue.orbits[0]
-    hint = np.array([[orbit.sides[0], orbit.phases[0], orbit.velocities[0]]])
+    hint = np.array([[orbit.walls[0], orbit.phases[0], orbit.velocities[0]]])
     again = glance(Parameters(0.4801), hint)
-    assert any(len(other.sides) == len(orbit.sides) and np.allclose(
+    assert any(other.impacts == orbit.impacts and np.allclose(
         other.velocities, orbit.velocities, atol=0.01) for other in again.catalogue.orbits)
     assert again.catalogue.labels.size == seen.catalogue.labels.size + 1
 
@@ -128,8 +127,8 @@ def test_chaos_told_early_is_chaos(alpha: float) -> None:
     assert catalogue.stay < 128 and fine.share(UNRESOLVED) < 0.001
     starts = fine.plane.starts(catalogue.parameters, slice(0, 400), slice(0, 400))
     starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
-    table = dataclasses.replace(catalogue, stay=1024).table(fine.late)
-    certain = settle(starts, 20_000, table)['label'].reshape(400, 400)
+    certain = dataclasses.replace(catalogue, stay=1024).label(
+        starts, 20_000)['label'].reshape(400, 400)
     compared = (certain != UNRESOLVED) & (fine.labels != UNRESOLVED)
     assert compared.mean() > 0.99
     assert np.array_equal(fine.labels[compared], certain[compared])

@@ -13,8 +13,8 @@ import rclpy
 from rclpy.node import Node
 
 from gear_rattle_ros.bags import BagWriter
+from gear_rattle_ros.explorer.simulator_link import SimulatorLink
 from gear_rattle_ros.nodes.display import Status
-from gear_rattle_ros.nodes.steering import Steering
 from gear_rattle_ros.nodes.suite import enclave, Monitor, secured
 from gear_rattle_ros.nodes.teleop import Teleop
 from gear_rattle_ros.parameters import TABLES
@@ -131,7 +131,8 @@ def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
     running = {name: start(name, '--ros-args', *more) for name, more in given.items()}
     here = [Monitor(Status()), Node('teleop')]
     Teleop(here[1])
-    steering = Steering(name='explorer')
+    link = SimulatorLink()
+    link.join()
     allowed = policies()
     wanted = {name: allowed[name] for name in (*given, 'suite', 'teleop', 'explorer')}
     found: dict[str, Graph] = {}
@@ -143,7 +144,7 @@ def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
         found = {name: graph_of(here[0], name) for name in wanted if name in seen}
         assert all(node.process.poll() is None for node in running.values())
     assert found == wanted
-    steering.close()
+    link.close()
     for node in here:
         node.destroy_node()
     multicast = 7400 + 250 * domain

@@ -1,0 +1,82 @@
+"""Distances between impacts on the section (wall, phase, velocity), and how impacts recur."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from .compiled import kernel
+from .elementary import TWO_PI
+
+
+@kernel
+def distance(velocity_a, phase_a, velocity_b, phase_b):  # type: ignore[no-untyped-def]
+    """
+    Compare two impacts.
+
+    Parameters
+    ----------
+    velocity_a, phase_a, velocity_b, phase_b : float
+        Velocities just before the impacts [1], positive at the upper wall, and phases [rad].
+
+    Returns
+    -------
+    float
+        Larger difference of phase, around the circle, and velocity [1]; inf at different walls.
+
+    """
+    if math.copysign(1.0, velocity_a) != math.copysign(1.0, velocity_b):
+        return math.inf
+    turned = abs(phase_a - phase_b)
+    return max(min(turned, TWO_PI - turned), abs(velocity_a - velocity_b))
+
+
+def turn(angle: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Bring differences of phase to [-pi, pi] [rad]."""
+    angle = np.asarray(angle, np.float64)
+    return angle - TWO_PI * np.round(angle / TWO_PI)
+
+
+def distances(velocity_a: npt.ArrayLike, phase_a: npt.ArrayLike, velocity_b: npt.ArrayLike,
+              phase_b: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Compare arrays of impacts; see `distance`."""
+    velocity_a, velocity_b = np.asarray(velocity_a), np.asarray(velocity_b)
+    apart = np.maximum(np.abs(turn(np.subtract(phase_a, phase_b))),
+                       np.abs(velocity_a - velocity_b))
+    return np.where(np.signbit(velocity_a) == np.signbit(velocity_b), apart, math.inf)
+
+
+@kernel
+def shortest_recurrence(row, longest, tolerance):  # type: ignore[no-untyped-def]
+    """
+    Find the smallest lag at which impacts recur until the end.
+
+    Parameters
+    ----------
+    row : ndarray of IMPACT, shape (m,)
+        Successive impacts.
+    longest : int
+        Longest lag; two of them must fit.
+    tolerance : float
+        Largest distance of an impact from the one before it by the lag [1].
+
+    Returns
+    -------
+    int
+        The lag, 0 for none; over it whole drive periods pass, at least one.
+
+    """
+    m = len(row)
+    for q in range(1, min(longest, m // 2) + 1):
+        cycles = row[m - 1].cycle - row[m - 1 - q].cycle
+        if cycles < 1:
+            continue
+        k = m - 1
+        while (k >= q and row[k].cycle - row[k - q].cycle - cycles <= 1
+               and cycles - (row[k].cycle - row[k - q].cycle) <= 1
+               and distance(row[k].velocity, row[k].phase, row[k - q].velocity,
+                            row[k - q].phase) <= tolerance):
+            k -= 1
+        if k < q:
+            return q
+    return 0

@@ -1,0 +1,166 @@
+"""The client of a simulator: asks for its parameters, sets them, resets and pauses it."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+import time
+from typing import Any, Final, TypeAlias
+
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+import rclpy
+from rclpy.client import Client
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
+
+GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
+SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
+                   PAUSE: SetBool}
+# How long a simulator may take to be found and to answer, on a machine that is busy too [s].
+WITHIN: Final = 8.0
+# A service that has just been discovered may not know yet where to send its answer: ask again.
+AGAIN: Final = 2.0
+Then: TypeAlias = Callable[[str], object]
+
+
+class ClientError(Exception):
+    """A simulator is absent, ambiguous or silent, or refuses; the message is one line."""
+
+
+class RefusalError(ClientError):
+    """The simulator is there, and refuses."""
+
+
+class SimulatorClient:
+    """Asks one thing after the other; where one fails, those that wait are given up."""
+
+    def __init__(self, node: Node, simulator: str, services: Iterable[str] = SERVICES) -> None:
+        self._node = node
+        self._clients: dict[str, Client] = {
+            name: node.create_client(SERVICES[name], f'{simulator}/{name}') for name in services}
+        self.name = node.resolve_service_name(f'{simulator}/{RESET}').removesuffix(f'/{RESET}')
+        self._requests: deque[tuple[Client, Any, Callable[[Any], object]]] = deque()
+        # What is under way for the first of them: several where it was asked again.
+        self._answers: list[Future] = []
+        self._since = 0.0
+
+    @property
+    def count(self) -> int:
+        """Return how many simulators have the name."""
+        return self._node.count_services(f'{self.name}/{RESET}')
+
+    @property
+    def is_busy(self) -> bool:
+        """Tell whether an answer is awaited."""
+        return bool(self._requests)
+
+    def get(self, names: Iterable[str], take: Callable[[dict[str, float]], object]) -> None:
+        """Ask for parameters that are real numbers."""
+        names = list(names)
+
+        def taken(answer: GetParameters.Response) -> None:
+            for name, value in zip(names, answer.values, strict=True):
+                if value.type != ParameterType.PARAMETER_DOUBLE:
+                    raise ClientError(f'{self.name} is no simulator of gear rattling: it has no '
+                                      f'parameter {name}')
+            take({name: value.double_value
+                  for name, value in zip(names, answer.values, strict=True)})
+
+        self._ask(GET, GetParameters.Request(names=names), taken)
+
+    def put(self, values: Mapping[str, float]) -> None:
+        """Set parameters, all or none."""
+        self._ask(PUT, SetParametersAtomically.Request(parameters=[
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]),
+            lambda answer: self._judge(answer.result.successful, answer.result.reason, bool))
+
+    def reset(self, then: Then = bool) -> None:
+        """Set the state to the initial one; then is given what the simulator says to it."""
+        self._ask(RESET, Trigger.Request(), lambda answer: self._judge(
+            answer.success, answer.message, then))
+
+    def pause(self, paused: bool, then: Then = bool) -> None:
+        """Stop time, or let it go on."""
+        self._ask(PAUSE, SetBool.Request(data=paused), lambda answer: self._judge(
+            answer.success, answer.message, then))
+
+    def tick(self) -> None:
+        """Ask what is next, or take its answer; ClientError where that fails."""
+        done = [future for future in self._answers if future.done()]
+        try:
+            if done:
+                take = self._requests[0][2]
+                self._drop()
+                take(done[0].result())
+            elif self._requests:
+                self._urge()
+        except ClientError:
+            self.forget()
+            raise
+
+    def finish(self, executor: Executor) -> None:
+        """Wait for all answers; ClientError where one fails."""
+        while self._requests:
+            self.tick()
+            executor.spin_once(timeout_sec=0.02)
+
+    def forget(self) -> None:
+        """Give up everything that is asked."""
+        while self._requests:
+            self._drop()
+
+    def _ask(self, service: str, message: Any, take: Callable[[Any], object]) -> None:
+        if not self._requests:
+            self._since = time.monotonic()
+        self._requests.append((self._clients[service], message, take))
+
+    def _judge(self, is_done: bool, words: str, then: Then) -> None:
+        if not is_done:
+            raise RefusalError(f'{self.name} refused: {words}')
+        then(words)
+
+    def _urge(self) -> None:
+        client, message, _ = self._requests[0]
+        count, passed = self.count, time.monotonic() - self._since
+        if passed > WITHIN:
+            raise ClientError(
+                f'no simulator answers as {self.name}; start one with: ros2 run gear_rattle_ros '
+                'simulator' if not count else
+                f'{self.name} has not answered for {WITHIN:g} s' if count == 1 else
+                f'{count} simulators answer as {self.name}; end all but one, or rename one with '
+                '-r __node:=NAME')
+        if count == 1 and client.service_is_ready() and passed >= AGAIN * len(self._answers):
+            self._answers.append(client.call_async(message))
+
+    def _drop(self) -> None:
+        client = self._requests.popleft()[0]
+        for future in self._answers:
+            client.remove_pending_request(future)
+        self._answers, self._since = [], time.monotonic()
+
+
+class Visitor(SimulatorClient):
+    """A client for a program that is no node: on a node and in a context of its own."""
+
+    def __init__(self, name: str, simulator: str, services: Iterable[str] = SERVICES) -> None:
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node(
+            name, context=self._context, enable_rosout=False, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(node)
+        super().__init__(node, simulator, services)
+
+    def wait(self) -> None:
+        """Wait for all answers; ClientError where one fails."""
+        self.finish(self._executor)
+
+    def close(self) -> None:
+        """Leave the ROS graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()

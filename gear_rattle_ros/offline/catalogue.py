@@ -1,0 +1,360 @@
+"""The attractors at given parameters: what is known of each, and how states are labelled."""
+
+import dataclasses
+import enum
+import functools
+import math
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .engine import run_tiles
+from ..core.chaos import ChaoticSet
+from ..core.classify import (
+    BOXES,
+    classify,
+    FLOATING,
+    RecordArray,
+    RESTS_LOWER,
+    RESTS_UPPER,
+    RESULT,
+    STEPS,
+    Table,
+    UNRESOLVED,
+    WATCH,
+)
+from ..core.closed_orbits import Orbit
+from ..core.elementary import TWO_PI
+from ..core.lanes import EMPTY, new_impacts, new_tiles, START
+from ..core.lanes_step import LANES
+from ..core.model import Parameters
+from ..core.table import dilated, make_table
+
+TOLERANCE: Final = 1e-3
+HOLD: Final = 100_000
+# Initial conditions of one call of the kernel, fewer where they take so many impacts: it cannot
+# be stopped.
+BATCH: Final = 250
+BATCH_IMPACTS: Final = 2_000_000
+
+
+class Kind(enum.Enum):
+    """What trajectories settle on; on nothing at all while they are unsettled."""
+
+    PERIODIC = 'periodic'
+    CHAOTIC = 'chaotic'
+    RESTING = 'resting'
+    FLOATING = 'floating'
+    UNSETTLED = 'unsettled'
+
+
+# Labels that are no number of an attractor: the key and the kind that go with them.
+OTHERS: Final = {
+    RESTS_UPPER: ('rest-upper', Kind.RESTING), RESTS_LOWER: ('rest-lower', Kind.RESTING),
+    FLOATING: ('floating', Kind.FLOATING), UNRESOLVED: ('unsettled', Kind.UNSETTLED)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Attractor:
+    """
+    One attractor, or what has settled on none.
+
+    Attributes
+    ----------
+    key : str
+        Its name, the same in every run: that of a periodic orbit is made of its period and its
+        first point, that of a chaotic one of the shortest periodic orbit in it.
+    kind : Kind
+        What it is.
+    label : int
+        Its number.
+    orbit : Orbit or None
+        Where it is periodic.
+    chaos : ChaoticSet or None
+        Where it is chaotic.
+    settled : int
+        Random initial conditions that have settled on it.
+    share, share_error : float
+        Their part of all, with the standard error of a binomial share [1].
+
+    """
+
+    key: str
+    kind: Kind
+    label: int
+    orbit: Orbit | None = None
+    chaos: ChaoticSet | None = None
+    settled: int = 0
+    share: float = 0.0
+    share_error: float = 0.0
+
+    @property
+    def impacts(self) -> int:
+        """Impacts in a period; 0 off an orbit."""
+        return self.orbit.impacts if self.orbit else 0
+
+    @property
+    def drive_periods(self) -> int:
+        """Drive periods in a period; 0 off an orbit."""
+        return self.orbit.drive_periods if self.orbit else 0
+
+    @property
+    def pieces(self) -> int:
+        """Parts visited in turn, on the upper wall if it is touched, else on the lower."""
+        if self.orbit:
+            upper = int(np.count_nonzero(self.orbit.walls == 0))
+            return upper or self.orbit.impacts
+        return self.chaos.pieces if self.chaos else 0
+
+    @property
+    def multipliers(self) -> tuple[complex, complex]:
+        """Eigenvalues of the tangent over a period; nan off an orbit."""
+        if self.orbit is None:
+            return complex(math.nan), complex(math.nan)
+        return complex(self.orbit.multipliers[0]), complex(self.orbit.multipliers[1])
+
+    @property
+    def exponents(self) -> tuple[float, float]:
+        """Lyapunov exponents per impact [1]; nan at rest."""
+        if self.orbit:
+            return self.orbit.exponents
+        if self.chaos:
+            return self.chaos.exponents.lambda_1, self.chaos.exponents.lambda_2
+        return math.nan, math.nan
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Return standard errors of the exponents [1]; those of an orbit are exact."""
+        if self.chaos:
+            return self.chaos.exponents.lambda_1_error, self.chaos.exponents.lambda_2_error
+        return (0.0, 0.0) if self.orbit else (math.nan, math.nan)
+
+    @property
+    def exact_sum(self) -> float:
+        """What the exponents must add up to [1]."""
+        if self.orbit:
+            return self.orbit.exact_sum
+        return self.chaos.exponents.exact_sum if self.chaos else math.nan
+
+    def points(self, box_limit: int | None = None) -> npt.NDArray[np.float64]:
+        """
+        List where it hits the walls.
+
+        Parameters
+        ----------
+        box_limit : int, optional
+            About how many boxes of a chaotic attractor are listed at the most.
+
+        Returns
+        -------
+        ndarray of float, shape (n, 3)
+            Wall, phase [rad] and velocity just before the impact [1]; of an orbit the impacts of
+            one period, of a chaotic attractor the centres of its boxes.
+
+        """
+        if self.orbit:
+            return np.column_stack([self.orbit.walls, self.orbit.points])
+        if self.chaos is None:
+            return np.zeros((0, 3))
+        wall, row, column = (axis[::-(-len(axis) // box_limit) if box_limit else 1]
+                             for axis in np.nonzero(self.chaos.boxes))
+        speed = (row + 0.5) * self.chaos.speed / BOXES
+        return np.column_stack([wall, (column + 0.5) * TWO_PI / BOXES,
+                                np.where(wall == 0, speed, -speed)])
+
+
+@dataclasses.dataclass(frozen=True)
+class Catalogue:
+    """
+    The attractors at given parameters.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        Of the model.
+    tolerance : float
+        Largest distance of a trajectory that is on its orbit [1].
+    hold : int
+        Impacts for which nothing that is called an attractor was left, and after which what has
+        not settled is unsettled.
+    orbits : tuple of Orbit
+        Periodic ones, in the order of their keys; their labels are 0, 1, ...
+    chaotic : tuple of ChaoticSet
+        Chaotic ones, in the order of their keys; their labels come next.
+    stay : int
+        Impacts in the boxes of a chaotic attractor after which a trajectory has settled on it.
+    labels : ndarray of int, shape (n,)
+        Label of every random initial condition of the search.
+    states : ndarray of START, shape (n,)
+        Where each of them was when it had settled, or was given up.
+    late : tuple of Orbit
+        Orbits found after the search, in the order in which they were found; their labels are the
+        last.
+
+    """
+
+    parameters: Parameters
+    tolerance: float = TOLERANCE
+    hold: int = HOLD
+    orbits: tuple[Orbit, ...] = ()
+    chaotic: tuple[ChaoticSet, ...] = ()
+    stay: int = 0
+    labels: npt.NDArray[np.int64] = dataclasses.field(
+        default_factory=lambda: np.zeros(0, np.int64))
+    states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, START))
+    late: tuple[Orbit, ...] = ()
+
+    @functools.cached_property
+    def attractors(self) -> tuple[Attractor, ...]:
+        """
+        Attractors in the order of their labels, then what else initial conditions ended in.
+
+        The last is what has not settled, if there is any.
+        """
+        found = [Attractor(orbit.key, Kind.PERIODIC, label, orbit)
+                 for label, orbit in enumerate(self.orbits)]
+        found += [Attractor(chaos.key, Kind.CHAOTIC, len(found) + place, chaos=chaos)
+                  for place, chaos in enumerate(self.chaotic)]
+        found += [Attractor(orbit.key, Kind.PERIODIC, len(found) + place, orbit)
+                  for place, orbit in enumerate(self.late)]
+        found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
+                  if np.any(self.labels == label)]
+        return tuple(self._with_share(each) for each in found)
+
+    def _with_share(self, attractor: Attractor) -> Attractor:
+        settled, total = int(np.sum(self.labels == attractor.label)), len(self.labels)
+        # As if two more had settled on it and two elsewhere: none or all have an error, too.
+        share = (settled + 2.0) / (total + 4.0)
+        return dataclasses.replace(
+            attractor, settled=settled, share=settled / max(total, 1),
+            share_error=math.sqrt(share * (1.0 - share) / (total + 4.0)))
+
+    def with_orbits(self, orbits: tuple[Orbit, ...]) -> 'Catalogue':
+        """Add the orbits that are not known yet; the labels of the others stay."""
+        known = {orbit.key for orbit in (*self.orbits, *self.late)}
+        new = {orbit.key: orbit for orbit in orbits if orbit.key not in known}
+        return dataclasses.replace(self, late=(*self.late, *new.values())) if new else self
+
+    @functools.cached_property
+    def table(self) -> Table:
+        """What recognises the attractors, for `classify`."""
+        known = len(self.orbits)
+        after = known + len(self.chaotic)
+        numbers = [*range(known), *range(after, after + len(self.late))]
+        orbits = (*self.orbits, *self.late)
+        if not self.chaotic:
+            return make_table(orbits, self.tolerance, numbers=numbers)
+        boxes = np.full((2, BOXES, BOXES), EMPTY, np.int8)
+        for number, chaos in enumerate(self.chaotic):
+            # Where two sets meet, a box is of neither.
+            grown = dilated(chaos.boxes)
+            boxes = np.where(grown & (boxes == EMPTY), known + number,
+                             np.where(grown, EMPTY, boxes)).astype(np.int8)
+        return make_table(orbits, self.tolerance, numbers=numbers, boxes=boxes,
+                          box_speed=self.chaotic[0].speed, stay=self.stay)
+
+    def label(self, starts: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
+        """
+        Follow initial conditions until they settle.
+
+        Parameters
+        ----------
+        starts : ndarray of START, shape (n,)
+            The initial conditions.
+        cap : int, optional
+            Impacts after which one is unsettled; `hold` by default.
+        **settings
+            As `follow` takes them.
+
+        Returns
+        -------
+        ndarray of RESULT, shape (n,)
+            Labels, lifetimes [impacts], and the states of those that are unsettled.
+
+        """
+        return follow(starts, cap or self.hold, self.table, **settings)
+
+
+def go_on() -> None:
+    """Give nothing up."""
+
+
+def follow(starts: RecordArray, cap: int, table: Table, *, threads: int | None = None,
+           cluster: str | None = None, check: Any = go_on) -> RecordArray:
+    """
+    Follow initial conditions until they settle.
+
+    Parameters
+    ----------
+    starts : ndarray of START, shape (n,)
+        The initial conditions.
+    cap : int
+        Impacts after which one is unsettled.
+    table : Table
+        Known attractors.
+    threads : int, optional
+        How many; by default one for each processor.
+    cluster : str, optional
+        Address of a Dask scheduler that follows them instead.
+    check : callable
+        Called after each batch; raises to give up.
+
+    Returns
+    -------
+    ndarray of RESULT, shape (n,)
+        What became of them.
+
+    """
+    results = np.zeros(len(starts), RESULT)
+    # At least two batches, for as many threads.
+    size = min(max(min(BATCH_IMPACTS // cap, -(-len(starts) // 2)), LANES), BATCH)
+
+    def keep(batch: int, settled: RecordArray) -> None:
+        results[batch * size:(batch + 1) * size] = settled
+        check()
+
+    run_tiles(functools.partial(_follow_batch, starts, size, cap, table),
+              range(-(-len(starts) // size)), keep, cluster=cluster, threads=threads)
+    return results
+
+
+def _follow_batch(starts: RecordArray, size: int, cap: int, table: Table, batch: int
+                  ) -> RecordArray:
+    part = starts[batch * size:(batch + 1) * size]
+    results = np.zeros(len(part), RESULT)
+    follow_here(part, cap, table, results)
+    return results
+
+
+def follow_here(starts: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
+    """
+    Follow initial conditions until they settle, in this thread.
+
+    Parameters
+    ----------
+    starts : ndarray of START, shape (n,)
+        The initial conditions.
+    cap : int
+        Impacts after which one is unsettled.
+    table : Table
+        Known attractors.
+    results : ndarray of RESULT, shape (n,)
+        Receives what became of them.
+
+    Returns
+    -------
+    int
+        Impacts made.
+
+    """
+    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), starts, cap,
+                        table, results))
+
+
+def moved(starts: RecordArray, results: RecordArray) -> RecordArray:
+    """Return initial conditions where they were when they were given up as unsettled."""
+    states = starts.copy()
+    for name in ('phase', 'displacement', 'velocity'):
+        states[name] = results[name]
+    return states

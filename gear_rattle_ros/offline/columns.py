@@ -1,0 +1,144 @@
+"""The attractors at one alpha of an orbit diagram, and what is drawn of each."""
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from .catalogue import Attractor, Catalogue, Kind
+from .search import find_attractors
+from ..core.chaos import SWEEP
+from ..core.classify import RecordArray
+from ..core.closed_orbits import Orbit
+from ..core.model import Parameters
+from ..core.raster import BLOCKS, count_velocities
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """
+    What is looked at, and counted.
+
+    Attributes
+    ----------
+    keep : int
+        Impacts of each trajectory that are counted.
+    low, high : float
+        Range of the velocity bins [1].
+    bins : int
+        How many.
+    hold : int
+        Impacts after which a trajectory is unsettled, and for which nothing may leave a chaotic
+        attractor.
+
+    Raises
+    ------
+    ValueError
+        If nothing is counted or the range is empty.
+
+    """
+
+    keep: int = 2048
+    low: float = -3.0
+    high: float = 3.0
+    bins: int = 1200
+    hold: int = 10_000
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        if self.keep < BLOCKS:
+            raise ValueError(f'impacts to keep {self.keep} must be at least {BLOCKS}')
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise ValueError(f'velocity window {self.low:g} to {self.high:g} is empty or '
+                             'reversed; give the lower end first')
+        if not 1 <= self.bins <= 100_000:
+            raise ValueError(f'{self.bins} bins are not between 1 and 100000')
+
+
+@dataclasses.dataclass(frozen=True)
+class Branch:
+    """
+    An attractor at one alpha, or what has not settled there.
+
+    Attributes
+    ----------
+    attractor : Attractor
+        What it is.
+    states : ndarray of START, shape (n,)
+        Where the trajectories that are on it stand.
+    counts : ndarray of float, shape (bins,)
+        Their impact velocities, counted together.
+    exponent, exponent_error : float
+        Largest exponent per impact [1]: of a periodic orbit from its multipliers, with no error;
+        else the mean of all blocks and its standard error.
+    exact_sum : float
+        What both exponents add up to [1].
+
+    """
+
+    attractor: Attractor
+    states: RecordArray
+    counts: FloatArray
+    exponent: float
+    exponent_error: float
+    exact_sum: float
+
+
+def find_branches(parameters: Parameters, starts: RecordArray, window: Window,
+                  known: tuple[Orbit, ...] = ()) -> tuple[Catalogue, list[Branch]]:
+    """
+    Find the attractors at one alpha.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        There.
+    starts : ndarray of START, shape (n,)
+        Initial conditions.
+    window : Window
+        What is counted.
+    known : tuple of Orbit
+        Orbits at a neighbouring alpha.
+
+    Returns
+    -------
+    Catalogue
+        The attractors.
+    list of Branch
+        The one with most trajectories first; those that were known but are reached by none last.
+
+    """
+    catalogue = find_attractors(parameters, starts, hold=window.hold, known=known, effort=SWEEP,
+                                threads=1)
+    found = sorted(catalogue.attractors, key=lambda each: (-each.settled, each.key))
+    return catalogue, [_branch(each, catalogue, window) for each in found]
+
+
+def _branch(attractor: Attractor, catalogue: Catalogue, window: Window) -> Branch:
+    states = catalogue.states[catalogue.labels == attractor.label]
+    counts = np.zeros(window.bins)
+    if attractor.orbit:
+        # Exact, and free of what is left of the transient.
+        q, impacts = attractor.impacts, window.keep * max(len(states), 1)
+        counts, _ = np.histogram(
+            attractor.orbit.velocities, window.bins, (window.low, window.high),
+            weights=impacts // q + (np.arange(q) < impacts % q))
+        return Branch(attractor, states, counts, attractor.exponents[0], 0.0,
+                      attractor.exact_sum)
+    if attractor.kind in (Kind.RESTING, Kind.FLOATING) or not len(states):
+        return Branch(attractor, states, counts, -math.inf, math.nan, math.nan)
+    counted = count_velocities(states, window.keep, window.low, window.high, window.bins)
+    mean, error = -math.inf, math.nan
+    if np.isfinite(counted.growth).all():
+        mean = float(np.mean(counted.growth))
+        error = float(np.std(counted.growth, ddof=1) / math.sqrt(counted.growth.size))
+    p = catalogue.parameters
+    exact = -math.inf
+    if p.restitution:
+        exact = 2.0 * math.log(p.restitution) - p.beta * float(
+            np.mean(counted.times)) / window.keep
+    return Branch(attractor, states, counted.counts.sum(axis=0, dtype=np.float64), mean, error,
+                  exact)
