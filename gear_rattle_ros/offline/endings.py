@@ -30,12 +30,17 @@ RECURS: Final = 1e-4
 # The region of an attractor: boxes along phase and speed, up to so much above its fastest impact.
 BOXES: Final = 128
 ROOM: Final = 1.2
-# Beyond a crisis escapes are timed where the mean lifetime lies between these, in units of the
-# impacts over which the attractor is watched; so many at each amplitude, in steps of a factor.
-LONGEST: Final = 4.0
+# Beyond a crisis escapes are timed where the mean lifetime is at least this part of the impacts
+# over which the attractor is watched, and up to so much longer; so many at each amplitude, whose
+# distances go by a factor.
 SHORTEST: Final = 0.25
+SPAN: Final = 16.0
 ESCAPES: Final = 48
 FACTOR: Final = math.sqrt(2.0)
+# Of so many escapes expected none is seen once in twenty times; and the escape rate grows with the
+# distance from the crisis at most as this power (Grebogi, Ott & Yorke 1987: 1/2 and more).
+UNSEEN: Final = 3.0
+EXPONENT: Final = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,29 +248,32 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit
             hold: int, width: float) -> End:
     # Long lifetimes hide the very place; the law by which they shorten beyond it tells.
     high = 2.0 * step
+    shortest = max(SHORTEST * hold, 2.0 * ROUND)
 
     def rate(distance: float, wanted: int) -> EscapeRate:
-        most = 2.0 * wanted * LONGEST * hold
-        return time_escapes(_at(herd, low + direction * distance), herd, wanted, most)
+        return time_escapes(_at(herd, low + direction * distance), herd, wanted,
+                            2.0 * wanted * SPAN * shortest)
 
     distance = high
-    while distance < width and rate(distance, ROUNDS).mean > SHORTEST * hold:
+    while distance < width and rate(distance, ROUNDS).mean > shortest:
         distance *= 2.0
     measured: list[tuple[float, EscapeRate]] = []
-    while distance >= high and (not measured or measured[-1][1].mean < LONGEST * hold):
+    while distance >= high and (not measured or measured[-1][1].mean < SPAN * shortest):
         measured.append((distance, rate(distance, ESCAPES)))
         distance /= FACTOR
-    law = None
-    some = [(d, k) for d, k in measured if k.escapes >= ROUNDS]
-    if len(some) >= 4:
-        law = fit_law([d for d, _ in some], [k.rate for _, k in some], [k.error for _, k in some])
-    elif len(measured) > 1:
-        # Too steep for a law, or too slow: no more is known than where escapes were seen.
-        return End('crisis', low, max(d for d, _ in measured), captor, herd)
-    if law is None:
-        return End('crisis', low + direction * step, step, captor, herd)
-    beyond = min(law.alpha_c, high)
-    uncertainty = max(law.alpha_c_error, step, law.alpha_c - beyond)
+    seen = [(d, k) for d, k in measured if k.escapes >= ROUNDS]
+    # At the last place none of all trajectories escaped, so the crisis is not far before it.
+    hidden = width
+    for d, k in seen:
+        share = (UNSEEN / (LANES * hold * k.rate))**(1.0 / EXPONENT)
+        if share < 1.0:
+            hidden = min(hidden, d * share / (1.0 - share))
+    beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
+    if len(seen) >= 4:
+        law = fit_law([d for d, _ in seen], [k.rate for _, k in seen], [k.error for _, k in seen])
+        if law.alpha_c_error < uncertainty:
+            beyond = min(max(law.alpha_c, -hidden), high)
+            uncertainty = max(law.alpha_c_error, step, abs(law.alpha_c - beyond))
     return End('crisis', low + direction * beyond, uncertainty, captor, herd)
 
 

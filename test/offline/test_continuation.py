@@ -265,18 +265,19 @@ CRISIS = 1.2432027802
 
 
 @pytest.mark.parametrize('words, exact', [
-    ('--alpha 1.2425 1.2445 --columns 3 --trajectories 32 --tolerance 1e-5 --hold 20000', CRISIS),
-    ('--alpha 0.5720 0.5726 --columns 3 --trajectories 64 --tolerance 1e-5 --hold 20000',
-     0.572286)])
+    ('--alpha 1.2425 1.2445 --columns 3 --trajectories 32 --tolerance 1e-5 --hold 8000', CRISIS),
+    pytest.param(
+        '--alpha 0.5720 0.5726 --columns 3 --trajectories 64 --tolerance 1e-5 --hold 8000',
+        0.572286, marks=pytest.mark.long)])
 def test_a_crisis_is_where_escapes_begin(tmp_path, words, exact):
     (_, _, alpha, error, key), = of_kind(events(tmp_path, words), 'crisis')
-    assert abs(alpha - exact) <= 2.0 * error <= 2e-4
+    assert abs(alpha - exact) <= 2.0 * error <= 5e-4
     assert key.startswith('orbit-')
 
 
 def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
     found = events(tmp_path, '--alpha 1.135 1.1362 --columns 3 --trajectories 32 --tolerance 1e-6 '
-                             '--hold 20000')
+                             '--hold 5000')
     (_, _, alpha, error, key), = of_kind(found, 'window')
     assert key.startswith('orbit-5-1-') and error <= 1e-9
     # One event at one place.
@@ -285,7 +286,7 @@ def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
     for side, settled in ((-2e-5, 0), (2e-5, LANES)):
         parameters = Parameters(alpha=alpha + side)
         starts = Plane().random_starts(parameters, LANES, 5)
-        rows, _ = record_impacts(starts, 150_000, 256)
+        rows, _ = record_impacts(starts, 60_000, 256)
         orbits = [find_orbit(parameters, row, 64, 1e-6) for row in rows]
         assert sum(o is not None and o.impacts == 5 for o in orbits) == settled
 
