@@ -25,7 +25,6 @@ from .progress import Progress
 from .store import Store
 from ..core.raster import BLOCKS
 
-
 # Of the velocities by which attractors are matched from alpha to alpha.
 BINS: Final = 1200
 
@@ -126,8 +125,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--tolerance', type=number, default=1e-7, metavar='X',
                         help='of the ends of chaotic attractors, in alpha [1]; 1e-7 by default')
     parser.add_argument('--hold', type=whole(256), default=100_000, metavar='N',
-                        help='a chaotic attractor lasts where trajectories stay for so many impacts; '
-                        '100000 by default')
+                        help='a chaotic attractor lasts where trajectories stay for so many '
+                        'impacts; 100000 by default')
     add_plane(parser, size=None)
     add_seed(parser)
 

@@ -1,5 +1,6 @@
 """Where a chaotic attractor ends: it is followed in small steps of alpha, with its own states."""
 
+from collections.abc import Iterator
 import dataclasses
 import math
 from typing import Final
@@ -9,15 +10,16 @@ import numpy.typing as npt
 
 from .escape_rates import EscapeRate, fit_law
 from .grid import make_starts
-from ..core.branches import Change, follow
+from ..core.branches import Change, follow, is_own_image, Turn
 from ..core.classify import RecordArray
-from ..core.closed_orbits import Orbit
+from ..core.closed_orbits import close_near, Orbit
 from ..core.elementary import TWO_PI
 from ..core.flight import NO_WALL
 from ..core.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters
 from ..core.periodic import find_orbit
 from ..core.recorded import record_impacts, starts_after
+from ..core.section import shortest_recurrence
 from ..core.table import dilated
 
 FloatArray = npt.NDArray[np.float64]
@@ -37,6 +39,9 @@ SHORTEST: Final = 0.25
 SPAN: Final = 16.0
 ESCAPES: Final = 48
 FACTOR: Final = math.sqrt(2.0)
+# An orbit is followed so far to the end of its window [1], which is left by a leap.
+WIDEST: Final = 0.05
+LEAP: Final = 2.5
 # Of so many escapes expected none is seen once in twenty times; and the escape rate grows with the
 # distance from the crisis at most as this power (Grebogi, Ott & Yorke 1987: 1/2 and more).
 UNSEEN: Final = 3.0
@@ -66,11 +71,11 @@ class Herd:
     region: npt.NDArray[np.bool_]
     speed: float
 
-    def strays(self, impacts: RecordArray) -> npt.NDArray[np.bool_]:
+    def strays(self, phases: FloatArray, velocities: FloatArray) -> npt.NDArray[np.bool_]:
         """Tell of rows of impacts which lie mostly outside the region."""
-        inside = self.region[_places(impacts, self.speed)]
-        inside &= np.abs(impacts['velocity']) < self.speed
-        return np.asarray(np.mean(inside, axis=1) < 0.5)
+        inside = self.region[_places(phases, velocities, self.speed)]
+        inside &= np.abs(velocities) < self.speed
+        return np.asarray(np.mean(inside, axis=-1) < 0.5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,14 +85,11 @@ class Escape:
 
     Attributes
     ----------
-    states : ndarray of START, shape (LANES,)
-        Where they are.
     captor : Orbit or None
         The orbit on which it has settled; None where it rests or goes on elsewhere.
 
     """
 
-    states: RecordArray
     captor: Orbit | None
 
 
@@ -99,11 +101,12 @@ class End:
     Attributes
     ----------
     kind : str
-        window: a stable orbit is born and replaces it; crisis: trajectories escape from it.
+        window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
+        orbit: it is no end, but goes on as an orbit whose doublings lead up to it.
     alpha, uncertainty : float
         Where, and how far off that can be [1].
     captor : Orbit or None
-        What its trajectories settle on: of a window at its fold, of a crisis just beyond.
+        What its trajectories settle on: of a window where it is born, else beyond.
     last : Herd
         The last that did not escape.
 
@@ -166,18 +169,18 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
     # Outside for a while is a burst; who does not come back has left.
     while len(seen) < rounds or before is not None and len(seen) < 2 * rounds and away.any():
         states, impacts, captors = _go_on(parameters, states)
-        for captor in captors.values():
-            return Escape(states, captor)
+        for _, captor in captors:
+            return Escape(captor)
         seen.append(impacts)
         if before is not None and len(seen) >= rounds:
-            away &= before.strays(impacts)
+            away &= before.strays(impacts['phase'], impacts['velocity'])
     if before is not None and away.any():
-        return Escape(states, None)
+        return Escape(None)
     # The first impacts are still on their way from where the attractor was.
     impacts = np.concatenate(seen[1:])
     speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
     region = np.zeros((2, BOXES, BOXES), bool)
-    region[_places(impacts, speed)] = True
+    region[_places(impacts['phase'], impacts['velocity'], speed)] = True
     return Herd(parameters, states, dilated(region), speed)
 
 
@@ -204,10 +207,11 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
     Returns
     -------
     End or None
-        None where it does not end, or goes on as an orbit whose doublings lead up to it.
+        None where it does not end.
 
     """
-    low, step, captor = herd.parameters.alpha, width, None
+    low, step, stayed = herd.parameters.alpha, width, 0
+    captor, turn = None, None
     while step >= tolerance:
         left = direction * (edge - low)
         if left < tolerance:
@@ -215,33 +219,60 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
         alpha = low + direction * min(step, left)
         trial = watch(_at(herd, alpha), herd.states, hold, herd)
         if isinstance(trial, Herd):
-            herd, low = trial, alpha
+            herd, low, stayed = trial, alpha, stayed + 1
+            # Once is what a bisection does; twice, the step had failed for its length alone.
+            step = min(width, 2.0 * step) if stayed > 1 else step
             continue
-        captor = trial.captor
-        branch = None if captor is None or captor.sticks != NO_WALL else follow(
-            captor, -direction, min(low, alpha), max(low, alpha), to_first_turn=True)
-        if branch is not None and branch.turns and direction * (branch.turns[0].alpha - low) > 0.0:
-            # The orbit was born on the way.
-            turn = branch.turns[0]
-            if turn.change in (Change.DOUBLING, Change.PITCHFORK):
-                return None
-            if step < width:
-                # In a window that is narrower than a column the attractor only rests.
-                herd = dataclasses.replace(herd, states=trial.states)
-                low = alpha
-                continue
-            before = watch(_at(herd, turn.alpha - direction * tolerance), herd.states, hold, herd)
-            if isinstance(before, Herd):
-                after = watch(_at(herd, turn.alpha + direction * tolerance), before.states, hold,
-                              before)
-                if isinstance(after, Escape) and after.captor is not None:
-                    return End('window', turn.alpha, turn.uncertainty, turn.orbit, before)
-                herd, low = before, before.parameters.alpha
-                if isinstance(after, Herd):
-                    herd, low = after, after.parameters.alpha
+        captor, stayed = trial.captor, 0
+        turn = None if captor is None else _born(captor, herd, low, direction)
+        if captor is not None and turn is not None:
+            if turn.orbit.impacts == captor.impacts and (
+                    turn.change is Change.DOUBLING
+                    or turn.change is Change.PITCHFORK and is_own_image(captor)):
+                return End('orbit', alpha, 0.0, captor, herd)
+            if abs(math.remainder(alpha - edge, width)) < 1e-6 * width:
+                # A column shows it.
+                before = watch(_at(herd, turn.alpha - direction * tolerance), herd.states, hold,
+                               herd)
+                if isinstance(before, Herd):
+                    herd, low = before, before.parameters.alpha
+                    after = watch(_at(herd, turn.alpha + direction * tolerance), herd.states,
+                                  hold, herd)
+                    if isinstance(after, Herd):
+                        herd, low = after, after.parameters.alpha
+                        continue
+                    if after.captor is not None:
+                        return _window(turn, herd)
+            else:
+                # A window narrower than a column is no end: chaos is back on its other side.
+                far = _far_side(captor, turn, direction)
+                beyond = watch(_at(herd, far), herd.states, hold, herd)
+                if isinstance(beyond, Herd) and direction * (edge - far) > 0.0:
+                    herd, low, turn = beyond, far, None
                     continue
         step *= 0.5
-    return _crisis(herd, low, direction, step, captor, hold, width)
+    return _crisis(herd, low, direction, step, captor, hold, width) if turn is None else _window(
+        turn, herd)
+
+
+def _window(turn: Turn, herd: Herd) -> End:
+    return End('window', turn.alpha, turn.uncertainty, turn.orbit, herd)
+
+
+def _far_side(captor: Orbit, turn: Turn, direction: float) -> float:
+    # A window is 9/4 times as wide as its first orbit is stable (Yorke et al. 1985).
+    alpha = captor.parameters.alpha
+    last = follow(captor, direction, alpha - WIDEST, alpha + WIDEST, to_first_turn=True).orbits[-1]
+    return turn.alpha + LEAP * (last.parameters.alpha - turn.alpha)
+
+
+def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | None:
+    # Where an orbit in the midst of the attractor was born, if that was not before.
+    if captor.sticks != NO_WALL or herd.strays(captor.phases, captor.velocities):
+        return None
+    alpha = captor.parameters.alpha
+    turns = follow(captor, -direction, min(low, alpha), max(low, alpha), to_first_turn=True).turns
+    return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
 
 
 def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | None,
@@ -304,8 +335,8 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
     escapes = rounds = 0
     while escapes < wanted and rounds * ROUND < most:
         states, impacts, captors = _go_on(parameters, states)
-        gone = herd.strays(impacts)
-        gone[list(captors)] = True
+        gone = herd.strays(impacts['phase'], impacts['velocity'])
+        gone[[i for i, _ in captors]] = True
         escapes += int(np.count_nonzero(gone & counts))
         rounds += int(np.count_nonzero(counts))
         counts = ~gone
@@ -323,24 +354,33 @@ def _at(herd: Herd, alpha: float) -> Parameters:
 
 
 def _go_on(parameters: Parameters, states: RecordArray
-           ) -> tuple[RecordArray, RecordArray, dict[int, Orbit | None]]:
+           ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | None]]]:
     # States after a round, its last impacts, and who is at rest (None) or on a stable orbit.
     starts = make_starts(parameters, *(states[name] for name in (
         'phase', 'displacement', 'velocity')))
     rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
-    captors: dict[int, Orbit | None] = {int(i): None for i in np.flatnonzero(counts < KEPT)}
-    for i in np.flatnonzero(counts == KEPT):
-        orbit = find_orbit(parameters, rows[i], KEPT // 2, RECURS)
-        if orbit is not None:
-            captors[int(i)] = orbit
     last = rows[:, -1]
     after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                          last['velocity'])
-    return after, rows, captors
+
+    def captors() -> Iterator[tuple[int, Orbit | None]]:
+        for i, row in enumerate(rows):
+            if counts[i] < KEPT:
+                yield i, None
+                continue
+            q = int(shortest_recurrence(row, KEPT // 2, RECURS))
+            if q:
+                # An orbit that sticks is no root of Newton's method.
+                orbit = close_near(parameters, row[-q:]) or find_orbit(
+                    parameters, row, KEPT // 2, RECURS)
+                if orbit is not None and orbit.is_stable:
+                    yield i, orbit
+
+    return after, rows, captors()
 
 
-def _places(impacts: RecordArray, speed: float
+def _places(phases: FloatArray, velocities: FloatArray, speed: float
             ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    rows = np.minimum(np.abs(impacts['velocity']) * (BOXES / speed), BOXES - 1).astype(np.int64)
-    columns = np.minimum(impacts['phase'] * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)
-    return np.signbit(impacts['velocity']).astype(np.int64), rows, columns
+    rows = np.minimum(np.abs(velocities) * (BOXES / speed), BOXES - 1).astype(np.int64)
+    columns = np.minimum(phases * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)
+    return np.signbit(velocities).astype(np.int64), rows, columns

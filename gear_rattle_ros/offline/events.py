@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .catalogue import Kind
 from .diagram import Diagram, KINDS
-from .endings import End, find_end, Herd, spread_out, watch
+from .endings import End, Escape, find_end, Herd, spread_out, watch
 from .grid import make_starts
 from .store import Store
 from ..core.branches import Change, follow, leaving, Turn
@@ -158,23 +158,44 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
         Attractor by attractor, in the order of alpha.
 
     """
-    ends = []
+    ends: list[tuple[int, End]] = []
     families: list[Family] = []
+
+    def take(n: int, orbit: Orbit | None) -> None:
+        if orbit is None:
+            return
+        home = next((one for one in families if one.holds(orbit)), None)
+        if home is None:
+            home = _family(orbit, (-1.0, 1.0), diagram, -1)
+            _add(home, families, diagram)
+        home.numbers.append(n)
+
+    def follow_chaos(n: int, herd: Herd | Escape | None, direction: float) -> None:
+        if not isinstance(herd, Herd):
+            return
+        width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
+        end = find_end(herd, direction, width, diagram.alphas[int(direction > 0.0)], tolerance,
+                       hold)
+        if end is None:
+            return
+        if end.kind == 'orbit':
+            take(n, end.captor)
+        elif not any(_same_end(end, known) for _, known in ends):
+            ends.append((n, end))
+
     for n, column, slot in _seen(diagram, store, PERIODIC):
-        orbit = orbit_in(diagram, store, column, slot)
-        if orbit is not None:
-            home = next((one for one in families if one.holds(orbit)), None)
-            if home is None:
-                home = _family(orbit, (-1.0, 1.0), diagram, -1)
-                _add(home, families, diagram)
-            home.numbers.append(n)
+        take(n, orbit_in(diagram, store, column, slot))
         searched(1)
     for n, columns, slots in _runs(diagram, store):
         for direction in (-1.0, 1.0):
-            end = _end_of_run(diagram, store, columns, slots, direction, tolerance, hold)
-            if end is not None and not any(_same_end(end, known) for _, known in ends):
-                ends.append((n, end))
+            follow_chaos(n, _herd_of(diagram, store, columns, slots, direction, hold), direction)
             searched(FOLLOWING)
+    for family in families:
+        n = _number(family, families)
+        for orbit, direction in _cascades(family, families, diagram, store, n):
+            state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
+            parameters = orbit.parameters
+            follow_chaos(n, watch(parameters, spread_out(parameters, state), hold), direction)
     events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor) for n, end in ends]
     for family in families:
         n = _number(family, families)
@@ -263,7 +284,7 @@ def _runs(diagram: Diagram, store: Store) -> Iterator[tuple[int, list[int], list
 
 def _family(orbit: Orbit, directions: tuple[float, ...], diagram: Diagram, parent: int) -> Family:
     low, high = max(0.0, diagram.alphas[0] - OUTSIDE), diagram.alphas[1] + OUTSIDE
-    orbits, turns = [orbit], []
+    orbits, turns = [orbit], list[Turn]()
     for direction in directions:
         branch = follow(orbit, direction, low, high, to_first_turn=True)
         orbits += [one for one in branch.orbits[1:] if one.is_stable]
@@ -301,18 +322,35 @@ def _number(family: Family, families: list[Family]) -> int:
     return max(sorted(set(family.numbers)), key=family.numbers.count)
 
 
-def _end_of_run(diagram: Diagram, store: Store, columns: list[int], slots: list[int],
-                direction: float, tolerance: float, hold: int) -> End | None:
-    edge = diagram.alphas[1] if direction > 0.0 else diagram.alphas[0]
-    width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
+def _herd_of(diagram: Diagram, store: Store, columns: list[int], slots: list[int],
+             direction: float, hold: int) -> Herd | None:
     states = _read(diagram, store, 'member_state')
     # What is called chaotic may be a long transient at the end of the run, or all along it.
     for i in sorted(range(len(columns)), key=lambda i: -direction * columns[i]):
         parameters = diagram.at(columns[i])
         herd = watch(parameters, spread_out(parameters, states[columns[i], slots[i]]), hold)
         if isinstance(herd, Herd):
-            return find_end(herd, direction, width, edge, tolerance, hold)
+            return herd
     return None
+
+
+def _cascades(family: Family, families: list[Family], diagram: Diagram, store: Store,
+              n: int) -> Iterator[tuple[Orbit, float]]:
+    # Where doublings lead to chaos that no column shows: just beyond, and the direction.
+    ends = [orbit.parameters.alpha for orbit in (family.orbits[0], family.orbits[-1])]
+    seen = diagram.values[(_read(diagram, store, 'attractor') == n).any(axis=1)]
+    for turn in family.turns:
+        # The doublings that follow crowd within a third of the way from the one before.
+        gap = turn.alpha - max(ends, key=lambda alpha: abs(turn.alpha - alpha))
+        direction, beyond = math.copysign(1.0, gap), turn.alpha + 0.5 * gap
+        if (turn.change is Change.DOUBLING and turn.orbit.impacts == family.orbits[0].impacts
+                and diagram.alphas[0] < beyond < diagram.alphas[1]
+                and not np.any(direction * seen > direction * turn.alpha)
+                and not any(families[one.parent] is family
+                            and one.orbits[0].impacts > turn.orbit.impacts
+                            for one in families if one.parent >= 0)):
+            yield dataclasses.replace(turn.orbit, parameters=dataclasses.replace(
+                turn.orbit.parameters, alpha=beyond)), direction
 
 
 def _same_end(a: End, b: End) -> bool:

@@ -142,7 +142,8 @@ def draw_shares(store: Store) -> Figure:
     axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
     axes.set_ylabel('share of the starts [1], ± standard error', fontsize=12)
     figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, 'Shares of the attractors; lines: '
-                'fold (solid), doubling (dotted), crisis (dashed), others (dash-dotted)', va='top', fontsize=13)
+                'fold (solid), doubling (dotted), crisis (dashed), others (dash-dotted)', va='top',
+                fontsize=13)
     _legend(axes, store, [0])
     return figure
 

@@ -1,4 +1,4 @@
-"""Changes of orbits against closed forms, eq. (9) and differences; ends of chaos against crises."""
+"""Changes of orbits against closed forms and eq. (9), ends of chaos against the crisis."""
 
 import dataclasses
 import math
@@ -143,7 +143,8 @@ def fold_and_doubling(beta, gamma, r, periods):
         return abs(c), math.hypot(c, 2.0 * gamma * (1.0 + r * r) / (1.0 + r)**2)
     e = math.exp(-2.0 * math.pi * beta * periods)
     b = (1.0 - e) / beta
-    return abs(c), math.hypot(c, gamma + beta * c + v * (1.0 - r) * (1.0 - r * e) / (b * (1.0 + r)))
+    sine = gamma + beta * c + v * (1.0 - r) * (1.0 - r * e) / (b * (1.0 + r))
+    return abs(c), math.hypot(c, sine)
 
 
 @pytest.mark.parametrize('beta, gamma, r, periods', [
@@ -206,10 +207,10 @@ def events(tmp_path, words):
     """Run the tool; return its events as tuples."""
     path = tmp_path / 'k.zarr'
     assert main([*words.split(), '--output', str(path)]) == 0
-    dataset = open_dataset(path)
-    return [(int(n), str(kind), float(alpha), float(error), str(key)) for n, kind, alpha, error, key
-            in zip(*(dataset['event_' + name].values for name in (
-                'attractor', 'kind', 'alpha', 'tolerance', 'orbit')), strict=True)]
+    table = open_dataset(path)
+    columns = (table['event_' + name].values.tolist()
+               for name in ('attractor', 'kind', 'alpha', 'tolerance', 'orbit'))
+    return list(zip(*columns, strict=True))
 
 
 def of_kind(found, *kinds):
