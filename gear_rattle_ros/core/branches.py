@@ -1,5 +1,6 @@
-"""Families of periodic orbits followed in alpha through folds, up to doublings and grazings."""
+"""Families of periodic orbits followed in alpha, and the orbits that leave them."""
 
+from collections.abc import Callable
 import dataclasses
 import enum
 import math
@@ -8,22 +9,43 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import CLOSED, fire, FloatArray, Orbit, orbit_at, solve_ring
+from .closed_orbits import (
+    CLOSED,
+    fire,
+    FloatArray,
+    Orbit,
+    orbit_at,
+    same_orbit,
+    Shot,
+    solve_ring,
+)
+from .elementary import TWO_PI
 from .model import ALPHA_MAXIMUM, Parameters
+from .section import turn as turned
 
 FIRST_STEP: Final = 2e-3
 SHORTEST_STEP: Final = 1e-10
 CORRECTIONS: Final = 10
 # The corrected point may be so far from the predicted one, in steps.
 STRAY: Final = 0.3
+# No change is claimed to be located better than this [1]: Newton's method ends at 1e-12.
+ROUNDING: Final = 2e-10
+ROOT_STEPS: Final = 100
+# Steps tried from a change to the orbit that is born there, all coordinates together [1].
+ASIDE: Final = (1e-3, 3e-4, 1e-4, 3e-5)
+# Orbits that part at a change are told apart beyond this [rad, 1].
+APART: Final = 1e-6
+# Where a branch was born is first seen so well: in alpha, and as to the orbit it left [rad, 1].
+NEAR: Final = 1e-3
+MIDDLE: Final = 0.1
 
 
 class Change(enum.Enum):
     """What happens to an orbit on its branch."""
 
     FOLD = 'fold'
+    PITCHFORK = 'pitchfork'
     DOUBLING = 'doubling'
-    TORUS = 'torus'
     GRAZING = 'grazing'
 
 
@@ -35,8 +57,9 @@ class Turn:
     Attributes
     ----------
     change : Change
-        A multiplier is +1 (fold), -1 (doubling), a pair is on the unit circle (torus); or the
-        orbit cannot go on, as an impact would be lost or gained (grazing).
+        Alpha turns round (fold); a multiplier is +1 though it does not (pitchfork), or -1
+        (doubling); or the orbit cannot go on, as an impact would be lost or gained (grazing).
+        A pair never reaches the unit circle: its product is below 1 all along the branch.
     alpha, uncertainty : float
         Where, and how far off that can be [1].
     orbit : Orbit
@@ -72,24 +95,40 @@ class Branch:
 class _Point:
     walls: npt.NDArray[np.int64]
     x: FloatArray
-    alpha: float
     parameters: Parameters
+    # Whether to stay among orbits that are their own mirror image: where others leave them,
+    # they are regular only so.
+    mirrored: bool = False
 
     @property
     def vector(self) -> FloatArray:
-        return np.append(self.x.ravel(), self.alpha)
+        return np.append(self.x.ravel(), self.parameters.alpha)
+
+    @property
+    def shot(self) -> Shot | None:
+        return fire(self.walls, self.x, self.parameters)
+
+    @property
+    def orbit(self) -> Orbit | None:
+        return orbit_at(self.walls, self.x, self.parameters)
 
     def at(self, vector: FloatArray) -> '_Point | None':
         alpha = float(vector[-1])
         if not 0.0 <= alpha <= ALPHA_MAXIMUM:
             return None
-        return _Point(self.walls, vector[:-1].reshape(-1, 2), alpha,
-                      dataclasses.replace(self.parameters, alpha=alpha))
+        return dataclasses.replace(self, x=vector[:-1].reshape(-1, 2),
+                                   parameters=dataclasses.replace(self.parameters, alpha=alpha))
+
+    def kept(self, change: FloatArray) -> FloatArray:
+        if not self.mirrored:
+            return change
+        points = change[:-1].reshape(-1, 2)
+        image = np.roll(points, len(points) // 2, axis=0) * (1.0, -1.0)
+        return np.append(0.5 * (points + image), change[-1])
 
 
-def follow(orbit: Orbit, direction: float, low: float, high: float, *,
-           tolerance: float = 1e-9, longest: float = 0.02, most: int = 2000,
-           past_doublings: bool = True) -> Branch:
+def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: float = 0.02,
+           most: int = 2000, to_first_turn: bool = False) -> Branch:
     """
     Follow a periodic orbit in alpha by pseudo-arclength, through folds.
 
@@ -101,14 +140,12 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *,
         Sign of the first step in alpha.
     low, high : float
         Stop outside this range of alpha [1].
-    tolerance : float
-        Changes are located to this in alpha [1].
     longest : float
         Longest step [1], in all coordinates together.
     most : int
         Stop after so many orbits.
-    past_doublings : bool
-        Whether to go on, unstable, after a doubling or torus.
+    to_first_turn : bool
+        Whether to stop at the first change.
 
     Returns
     -------
@@ -116,7 +153,7 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *,
         The orbits and the changes.
 
     """
-    here = _Point(orbit.walls, orbit.points, orbit.parameters.alpha, orbit.parameters)
+    here = _Point(orbit.walls, orbit.points, orbit.parameters, is_own_image(orbit))
     ahead = np.zeros(len(here.vector))
     ahead[-1] = direction
     tangent = _tangent(here, ahead)
@@ -124,30 +161,102 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *,
     step = min(FIRST_STEP, longest)
     while len(orbits) < most:
         reached = _correct(here, tangent, step)
-        if reached is None:
+        found = None if reached is None else reached.orbit
+        if reached is None or found is None:
             step *= 0.5
-            if step < SHORTEST_STEP:
-                turns.append(Turn(Change.GRAZING, here.alpha, 10.0 * SHORTEST_STEP, orbits[-1]))
-                break
-            continue
-        found = _orbit(reached)
-        if found is None:
+            if step >= SHORTEST_STEP:
+                continue
+            beyond = here.at(here.vector + 100.0 * SHORTEST_STEP * tangent)
+            if beyond is not None and beyond.shot is None:
+                turns.append(Turn(Change.GRAZING, here.parameters.alpha, 10.0 * SHORTEST_STEP,
+                                  orbits[-1]))
             break
-        for change in _changes(orbits[-1], found):
-            turns.append(_locate(change, here, tangent, step, tolerance))
+        following = _tangent(reached, tangent)
+        folds = tangent[-1] * following[-1] < 0.0
+        ends = tangent, step, orbits[-1], found, following
+        # A multiplier is +1 at a fold as well. Where it is so alone, a branch leaves; where alpha
+        # turns round alone, this one was born from another.
+        one = _passes(orbits[-1], found, 1.0)
+        if folds:
+            fold = _locate(Change.FOLD, here, *ends)
+            turns.append(fold if one else _birth(fold))
+        elif one:
+            turns.append(_locate(Change.PITCHFORK, here, *ends))
+        if _passes(orbits[-1], found, -1.0):
+            turns.append(_locate(Change.DOUBLING, here, *ends))
         orbits.append(found)
-        tangent = _tangent(reached, tangent)
-        here = reached
+        here, tangent = reached, following
         step = min(1.4 * step, longest)
-        if not low <= here.alpha <= high:
-            break
-        if not past_doublings and turns and turns[-1].change in (Change.DOUBLING, Change.TORUS):
+        if not low <= here.parameters.alpha <= high or to_first_turn and turns:
             break
     return Branch(tuple(orbits), tuple(turns))
 
 
+def leaving(turn: Turn) -> list[Orbit]:
+    """
+    Find the orbits that leave a branch where it doubles or loses its symmetry.
+
+    Parameters
+    ----------
+    turn : Turn
+        A doubling or a pitchfork.
+
+    Returns
+    -------
+    list of Orbit
+        Close to the change, on the side of alpha on which they exist: one of twice the period,
+        or two that are each other's mirror images; stable ones where any is.
+
+    """
+    old = turn.orbit
+    turns = 2 if turn.change is Change.DOUBLING else 1
+    shot = fire(old.walls, old.points, old.parameters)
+    assert shot is not None
+    values, vectors = np.linalg.eig(shot.derivative())
+    nearest = int(np.argmin(np.abs(values - (1.0 if turns == 1 else -1.0))))
+    aside, moved = np.real(vectors[:, nearest]), []
+    q = old.impacts
+    for k in range(turns * q):
+        moved.append(aside)
+        aside = shot.blocks[k % q] @ aside
+    tangent = np.append(np.ravel(moved), 0.0)
+    tangent /= np.linalg.norm(tangent)
+    there = _Point(np.tile(old.walls, turns), np.tile(old.points, (turns, 1)), old.parameters)
+    best: list[Orbit] = []
+    for step in ASIDE:
+        # Half a period on, the doubled orbit lies on the other side: it is one and the same.
+        reached = [_correct(there, sign * tangent, step) for sign in (1.0, -1.0)[:3 - turns]]
+        found = [orbit for orbit in (None if point is None else point.orbit for point in reached)
+                 if orbit is not None and (turns == 2 or not same_orbit(orbit, old, APART))]
+        if found and (not best or not best[0].is_stable and found[0].is_stable):
+            best = found
+    return best
+
+
+def is_own_image(orbit: Orbit) -> bool:
+    """
+    Tell whether an orbit is its own mirror image.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        The orbit.
+
+    Returns
+    -------
+    bool
+        Whether s -> -1 - s, tau -> tau + pi maps it to itself; it never does under a load.
+
+    """
+    points = np.roll(orbit.points, orbit.impacts // 2, axis=0) * (1.0, -1.0)
+    points[:, 0] = np.mod(points[:, 0] + math.pi, TWO_PI)
+    image = dataclasses.replace(orbit, walls=1 - np.roll(orbit.walls, orbit.impacts // 2),
+                                points=points)
+    return orbit.parameters.gamma == 0.0 and same_orbit(orbit, image, 1e3 * CLOSED)
+
+
 def _tangent(point: _Point, ahead: FloatArray) -> FloatArray:
-    shot = fire(point.walls, point.x, point.parameters)
+    shot = point.shot
     assert shot is not None
     try:
         tangent = solve_ring(shot, np.zeros(len(ahead) - 1), ahead, 1.0)
@@ -155,73 +264,106 @@ def _tangent(point: _Point, ahead: FloatArray) -> FloatArray:
         # The first direction may lie across the branch.
         tangent = np.linalg.svd(shot.jacobian)[2][-1]
         tangent = tangent if tangent @ ahead >= 0.0 else -tangent
+    tangent = point.kept(tangent)
     return np.asarray(tangent / np.linalg.norm(tangent))
 
 
-def _correct(point: _Point, tangent: FloatArray, step: float) -> _Point | None:
+def _correct(point: _Point, tangent: FloatArray, step: float,
+             room: float = 0.0) -> _Point | None:
     # Back to the branch at right angles to the step; regular at a fold too (Keller 1977).
     predicted = point.vector + step * tangent
     vector = predicted
     for _ in range(CORRECTIONS):
         moved = point.at(vector)
-        shot = None if moved is None else fire(moved.walls, moved.x, moved.parameters)
+        shot = None if moved is None else moved.shot
         if shot is None:
             return None
         try:
-            change = solve_ring(shot, shot.defects, tangent, 0.0)
+            change = point.kept(solve_ring(shot, shot.defects, tangent, 0.0))
         except np.linalg.LinAlgError:
             return None
         vector = vector - change
-        if np.max(np.abs(vector - predicted)) > STRAY * step + 1e3 * CLOSED:
+        if np.max(np.abs(vector - predicted)) > STRAY * step + room + 1e3 * CLOSED:
             return None
         if np.max(np.abs(change)) < CLOSED:
             return point.at(vector)
     return None
 
 
-def _orbit(point: _Point) -> Orbit | None:
-    return orbit_at(point.walls, point.x, point.parameters)
-
-
-def _test(orbit: Orbit, change: Change) -> float:
-    # Zero where a multiplier is +1 or -1, or where the product of a complex pair is 1.
+def _test(orbit: Orbit, sign: float) -> float:
+    # Zero where a multiplier is +1 or -1.
     first, second = orbit.multipliers
-    if change is Change.TORUS:
-        return float((first * second).real) - 1.0
-    sign = 1.0 if change is Change.FOLD else -1.0
     return float(((sign - first) * (sign - second)).real)
 
 
-def _changes(before: Orbit, after: Orbit) -> list[Change]:
-    found = [change for change in (Change.FOLD, Change.DOUBLING)
-             if _test(before, change) * _test(after, change) < 0.0]
-    if (_test(before, Change.TORUS) * _test(after, Change.TORUS) < 0.0
-            and abs(after.multipliers[0].imag) > 0.0):
-        found.append(Change.TORUS)
-    return found
+def _passes(before: Orbit, after: Orbit, sign: float) -> bool:
+    return _test(before, sign) * _test(after, sign) < 0.0
 
 
-def _locate(change: Change, here: _Point, tangent: FloatArray, step: float,
-            tolerance: float) -> Turn:
-    # Bisection in the length of the step: alpha itself turns round at a fold.
-    low, high = 0.0, step
-    lower = _orbit(here)
-    assert lower is not None
-    at_low = _test(lower, change)
-    middle = upper = lower
-    while True:
-        half = 0.5 * (low + high)
-        reached = _correct(here, tangent, half)
-        found = None if reached is None else _orbit(reached)
+def _birth(turn: Turn) -> Turn:
+    # Here an orbit nearly covers the one that it left, or is nearly its own mirror image.
+    orbit, half = turn.orbit, turn.orbit.impacts // 2
+    ahead = np.roll(orbit.points, -half, axis=0)
+    image = ahead * (1.0, -1.0) - (math.pi, 0.0)
+    at_alpha = np.append(np.zeros(orbit.points.size), 1.0)
+    for other, length in ((ahead, half), (image, 2 * half)):
+        apart = other - orbit.points
+        apart[:, 0] = turned(apart[:, 0])
+        guess = _Point(orbit.walls[:length], (orbit.points + 0.5 * apart)[:length],
+                       orbit.parameters, other is image)
+        reached = _correct(guess, at_alpha[-2 * length - 1:], 0.0, MIDDLE)
+        parent = None if reached is None else reached.orbit
+        if parent is None or other is image and not is_own_image(parent):
+            continue
+        for direction in (1.0, -1.0):
+            branch = follow(parent, direction, turn.alpha - NEAR, turn.alpha + NEAR,
+                            to_first_turn=True)
+            for found in branch.turns:
+                if abs(found.alpha - turn.alpha) < NEAR and found.change is not Change.FOLD:
+                    return found
+    return turn
+
+
+def _locate(change: Change, here: _Point, tangent: FloatArray, step: float, before: Orbit,
+            after: Orbit, following: FloatArray) -> Turn:
+    sign = -1.0 if change is Change.DOUBLING else 1.0
+
+    def look(at: float) -> tuple[float, Orbit] | None:
+        reached = _correct(here, tangent, at)
+        orbit = None if reached is None else reached.orbit
+        if reached is None or orbit is None:
+            return None
+        value = (float(_tangent(reached, tangent)[-1]) if change is Change.FOLD
+                 else _test(orbit, sign))
+        return value, orbit
+
+    ends = ((float(tangent[-1]), float(following[-1])) if change is Change.FOLD
+            else (_test(before, sign), _test(after, sign)))
+    at, uncertainty = _root(look, (0.0, ends[0], before), (step, ends[1], after))
+    return Turn(change, at.parameters.alpha, max(uncertainty, ROUNDING), at)
+
+
+def _root(look: Callable[[float], tuple[float, Orbit] | None], low: tuple[float, float, Orbit],
+          high: tuple[float, float, Orbit]) -> tuple[Orbit, float]:
+    # Regula falsi, halving the value at an end that stays (Illinois); what is left, in alpha.
+    (a, fa, before), (b, fb, after) = low, high
+    seen = (fb, after)
+    rate = (after.parameters.alpha - before.parameters.alpha) / (fb - fa)
+    side = 0
+    for _ in range(ROOT_STEPS):
+        middle = (a * fb - b * fa) / (fb - fa)
+        if not a < middle < b:
+            break
+        found = look(middle)
         if found is None:
             break
-        middle = found
-        if _test(middle, change) * at_low > 0.0:
-            low, lower = half, middle
+        if found[0] != seen[0]:
+            rate = (found[1].parameters.alpha - seen[1].parameters.alpha) / (found[0] - seen[0])
+        seen = found
+        if seen[0] * fb > 0.0:
+            b, fb, fa, side = middle, seen[0], fa * (0.5 if side > 0 else 1.0), 1
         else:
-            high, upper = half, middle
-        if high - low < 1e-2 * tolerance or half in (low, high) and high - low < 1e-15:
+            a, fa, fb, side = middle, seen[0], fb * (0.5 if side < 0 else 1.0), -1
+        if abs(seen[0]) < CLOSED:
             break
-    spread = max(abs(lower.parameters.alpha - middle.parameters.alpha),
-                 abs(upper.parameters.alpha - middle.parameters.alpha), math.ulp(1.0))
-    return Turn(change, middle.parameters.alpha, max(spread, tolerance), middle)
+    return seen[1], abs(seen[0] * rate)

@@ -348,36 +348,6 @@ def close_near(parameters: Parameters, row: RecordArray) -> Orbit | None:
                        np.stack([row['phase'], row['velocity']], axis=1), parameters, NEAR)
 
 
-def double(orbit: Orbit, amplitude: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
-    """
-    Guess the orbit of twice the period that leaves an orbit at a period doubling.
-
-    Parameters
-    ----------
-    orbit : Orbit
-        Near the doubling: a multiplier near -1.
-    amplitude : float
-        Size of the first point's displacement along that multiplier's vector [1].
-
-    Returns
-    -------
-    walls, points : ndarray
-        For `close_orbit`.
-
-    """
-    shot = fire(orbit.walls, orbit.points, orbit.parameters)
-    assert shot is not None
-    values, vectors = np.linalg.eig(shot.derivative())
-    nearest = int(np.argmin(np.abs(values + 1.0)))
-    aside = amplitude * np.real(vectors[:, nearest])
-    q = orbit.impacts
-    moved = np.empty((2 * q, 2))
-    for k in range(2 * q):
-        moved[k] = orbit.points[k % q] + aside
-        aside = shot.blocks[k % q] @ aside
-    return np.tile(orbit.walls, 2), moved
-
-
 def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:
     """
     Tell whether two orbits are the same, whichever impact they begin with.

@@ -183,8 +183,8 @@ class TransientReport:
                 return f'transient since impact {self.start}'
             through = f' and {counted(self.retunes, "retune")}' if self.retunes else ''
             noise = 'noise beyond the tolerance, ' if self.kicked else ''
-            return (f'no orbit in {self.impacts:,} impacts{through} ({noise}chaos or a long '
-                    f'transient){self._exponent_in_words()}')
+            return (f'no orbit in {counted(self.impacts, "impact")}{through} ({noise}chaos or a '
+                    f'long transient){self._exponent_in_words()}')
         words = (f'orbit of {counted(self.period_impacts, "impact")} in '
                  f'{counted(self.period_drive, "drive period")}, {after}')
         if self.retunes:
@@ -195,7 +195,7 @@ class TransientReport:
             words += (f', spread by noise {self.spread_rms:.1e} rms, '
                       f'{self.spread_largest:.1e} at the most')
         if self.previous:
-            words += f', from {self.previous} after {self.residence:,} impacts'
+            words += f', from {self.previous} after {counted(self.residence, "impact")}'
         return words
 
     def _exponent_in_words(self) -> str:

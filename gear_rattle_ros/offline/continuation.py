@@ -1,15 +1,15 @@
-"""Attractors and their shares followed across alpha; where each appears, doubles and vanishes."""
+"""Attractors and their shares followed across alpha; where each is born, doubles and ends."""
 
 import argparse
 import sys
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from .cli import Figure, Run, run_tool
 from .columns import Window
 from .diagram import Diagram
-from .events import BINS, Event, events_of, searches_of
+from .events import Event, events_of, HEADING, searches_of
 from .options import (
     add_alpha_window,
     add_plane,
@@ -25,6 +25,9 @@ from .progress import Progress
 from .store import Store
 from ..core.raster import BLOCKS
 
+# Of the velocities by which attractors are matched from alpha to alpha.
+BINS: Final = 1200
+
 
 def locate(diagram: Diagram, store: Store, tolerance: float, hold: int) -> list[Event]:
     """
@@ -39,7 +42,7 @@ def locate(diagram: Diagram, store: Store, tolerance: float, hold: int) -> list[
     tolerance : float
         In alpha [1].
     hold : int
-        An attractor lasts where trajectories stay for so many impacts.
+        A chaotic attractor lasts where trajectories stay for so many impacts.
 
     Returns
     -------
@@ -48,15 +51,14 @@ def locate(diagram: Diagram, store: Store, tolerance: float, hold: int) -> list[
 
     """
     progress = Progress('continuation, searches for events',
-                        searches_of(diagram, store, tolerance), sys.stderr)
-
-    def tell(event: Event) -> None:
-        print(event.describe(), flush=True)
+                        searches_of(diagram, store), sys.stderr)
 
     try:
-        return events_of(diagram, store, tolerance, hold, tell, progress.add)
+        events = events_of(diagram, store, tolerance, hold, progress.add)
     finally:
         progress.end()
+    print('\n'.join([HEADING, *(event.describe() for event in events)]), flush=True)
+    return events
 
 
 def write_events(store: Store, events: list[Event]) -> None:
@@ -75,16 +77,20 @@ def write_events(store: Store, events: list[Event]) -> None:
     columns: dict[str, tuple[Any, dict[str, str]]] = {
         'event_attractor': (np.array([e.attractor for e in events], np.int32), {
             'long_name': 'number of the attractor'}),
-        'event_kind': (np.array([e.what for e in events], 'U10'), {
+        'event_kind': (np.array([e.what for e in events], 'U9'), {
             'long_name': 'what happens'}),
+        'event_orbit': (np.array([e.key for e in events], 'U32'), {
+            'long_name': 'orbit that changes, or on which trajectories then settle'}),
         'event_alpha': (np.array([e.alpha for e in events]), {'long_name': 'where', **one}),
         'event_tolerance': (np.array([e.tolerance for e in events]), {
             'long_name': 'how well it is located', **one}),
-        'event_period_impacts': (np.array([e.period_impacts for e in events], np.int32), {
+        'event_period_impacts': (np.array([e.orbit.impacts if e.orbit else 0 for e in events],
+                                          np.int32), {
             'long_name': 'period of the orbit', 'units': 'impacts'}),
-        'event_period_drive': (np.array([e.period_drive for e in events], np.int32), {
+        'event_period_drive': (np.array([e.orbit.drive_periods if e.orbit else 0 for e in events],
+                                        np.int32), {
             'long_name': 'period of the orbit', 'units': 'drive periods'}),
-        'event_multiplier': (np.array([e.multiplier.real for e in events]), {
+        'event_multiplier': (np.array([e.multiplier for e in events]), {
             'long_name': 'critical multiplier, real part', **one})}
     store.write_table({name: (('event',), values, attributes)
                        for name, (values, attributes) in columns.items()})
@@ -106,7 +112,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     """
     parser = Parser('continuation', description='Follow attractors and their shares across alpha; '
-                    'locate where they appear, double and vanish.')
+                    'locate where they are born, double and end.')
     add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
     parser.add_argument('--columns', type=whole(2), default=131, metavar='N',
                         help='amplitudes; 131 by default')
@@ -117,10 +123,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--keep', type=whole(BLOCKS), default=512, metavar='N',
                         help='impacts looked at then; 512 by default')
     parser.add_argument('--tolerance', type=number, default=1e-7, metavar='X',
-                        help='in alpha [1]; 1e-7 by default')
+                        help='of the ends of chaotic attractors, in alpha [1]; 1e-7 by default')
     parser.add_argument('--hold', type=whole(256), default=100_000, metavar='N',
-                        help='an attractor lasts where trajectories stay for so many impacts; '
-                        '100000 by default')
+                        help='a chaotic attractor lasts where trajectories stay for so many '
+                        'impacts; 100000 by default')
     add_plane(parser, size=None)
     add_seed(parser)
 

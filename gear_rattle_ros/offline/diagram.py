@@ -179,6 +179,8 @@ def layout_of(diagram: Diagram) -> Layout:
              'long_name': 'standard error; 0 from exact multipliers', **one}),
          Variable('exact_sum', slot, '<f8', {
              'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}),
+         Variable('member_state', (*slot, 'state'), '<f8', {
+             'long_name': 'where one of its trajectories is; of an orbit, at an impact'}),
          Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
              'long_name': 'last state of the trajectories that are followed'})),
         identity)
@@ -208,7 +210,8 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
         'share': np.zeros(shape), 'kind': np.full(shape, -1, np.int8),
         'period_impacts': np.zeros(shape, np.int32), 'period_drive': np.zeros(shape, np.int32),
         'exponent': np.full(shape, math.nan), 'exponent_error': np.full(shape, math.nan),
-        'exact_sum': np.full(shape, math.nan)}
+        'exact_sum': np.full(shape, math.nan),
+        'member_state': np.full((*shape, len(STATE)), math.nan)}
     for c, found in enumerate(columns):
         for k, one in enumerate(found):
             slot = c, min(k, SLOTS - 1)
@@ -223,6 +226,12 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             values['exponent'][slot] = one.exponent
             values['exponent_error'][slot] = one.exponent_error
             values['exact_sum'][slot] = one.exact_sum
+            orbit = one.attractor.orbit
+            if orbit:
+                values['member_state'][slot] = (orbit.phases[0], -float(orbit.walls[0]),
+                                                orbit.velocities[0])
+            elif len(one.states):
+                values['member_state'][slot] = [one.states[0][name] for name in STATE]
             values['period_impacts'][slot] = one.attractor.impacts
             values['period_drive'][slot] = one.attractor.drive_periods
     return values

@@ -1,4 +1,4 @@
-"""Where the attractors of an orbit diagram appear, double and end."""
+"""Where the attractors of an orbit diagram are born, double and end."""
 
 from collections.abc import Callable, Iterator
 import dataclasses
@@ -8,33 +8,31 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from .catalogue import Kind
 from .diagram import Diagram, KINDS
-from .ensembles import Followers, run_ensemble, settle, Settled
+from .endings import End, Escape, find_end, Herd, spread_out, watch
+from .grid import make_starts
 from .store import Store
-from .tracks import spread
-from ..core.branches import Change, follow, Turn
-from ..core.closed_orbits import close_orbit, double, Orbit
-from ..core.lanes_step import LANES
+from ..core.branches import Change, follow, leaving, Turn
+from ..core.closed_orbits import close_orbit, Orbit, same_orbit
+from ..core.recorded import record_impacts
+from ..core.section import turn as turned
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-ORBIT: Final = KINDS.index('orbit')
+PERIODIC: Final = KINDS.index(Kind.PERIODIC.value)
+CHAOTIC: Final = KINDS.index(Kind.CHAOTIC.value)
 # Doublings followed of each orbit, and the longest period [impacts].
-DOUBLINGS: Final = 6
+DOUBLINGS: Final = 7
 LONGEST: Final = 256
-FEIGENBAUM: Final = 4.669
-# Sizes tried for the orbit just beyond a doubling, and how far beyond it, in alpha [1].
-AMPLITUDES: Final = (1e-3, 3e-3, 1e-2, 3e-2)
-BEYOND: Final = 2e-5
-# Orbits are followed so far outside the window for their beginning [1].
+# Orbits are followed so far outside the window for their beginning and their end [1].
 OUTSIDE: Final = 0.2
-# An attractor seen over fewer columns is not followed.
-FEWEST: Final = 3
-# To follow an orbit and its doublings counts as so many searches.
-FOLLOWING: Final = 5
-# A trajectory has left an attractor where it meets velocities so far from it [1].
-AWAY: Final = 0.03
-BINS: Final = 1200
+# Two orbits are one where their points agree to this [rad, 1]; at a change they part as a root.
+SAME: Final = 1e-6
+SAME_CHANGE: Final = 1e-4
+# An orbit is stable or not so far beside a change, in alpha [1].
+BESIDE: Final = 1e-6
+# To follow a chaotic attractor counts as so many orbits.
+FOLLOWING: Final = 10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,13 +45,12 @@ class Event:
     attractor : int
         Its number.
     what : str
-        fold, doubling, torus, grazing, vanishes.
+        Of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a stable
+        orbit is born and replaces it), crisis (trajectories escape).
     alpha, tolerance : float
         Where, and how well that is located [1].
-    period_impacts, period_drive : int
-        Of the orbit that changes; 0 off an orbit.
-    multiplier : complex
-        Its larger multiplier there [1], nan off an orbit.
+    orbit : Orbit or None
+        That changes, or on which trajectories then settle.
 
     """
 
@@ -61,9 +58,20 @@ class Event:
     what: str
     alpha: float
     tolerance: float
-    period_impacts: int = 0
-    period_drive: int = 0
-    multiplier: complex = complex(math.nan)
+    orbit: Orbit | None
+
+    @property
+    def key(self) -> str:
+        """Name of the orbit, empty where there is none."""
+        return self.orbit.key if self.orbit else ''
+
+    @property
+    def multiplier(self) -> float:
+        """Real part of the multiplier that is critical [1], nan where there is none."""
+        if self.orbit is None or self.what == 'crisis':
+            return math.nan
+        critical = -1.0 if self.what == Change.DOUBLING.value else 1.0
+        return float(min(self.orbit.multipliers, key=lambda m: abs(m - critical)).real)
 
     def describe(self) -> str:
         """
@@ -72,22 +80,64 @@ class Event:
         Returns
         -------
         str
-            One line.
+            One line below `HEADING`.
 
         """
-        orbit = ''
-        if self.period_impacts:
-            orbit = (f'  orbit of {self.period_impacts} impacts in {self.period_drive} drive '
-                     f'periods, multiplier {self.multiplier.real:+.6f}')
-        return (f'attractor {self.attractor + 1}: {self.what:9s} at alpha = {self.alpha:.10f} +- '
-                f'{self.tolerance:.0e}{orbit}')
+        digits = 1 - math.floor(math.log10(self.tolerance))
+        return (f'{self.attractor:9d}  {self.what:9s}  {self.alpha:.{digits}f} +- '
+                f'{self.tolerance:.1e}  {self.key}').rstrip()
+
+
+HEADING: Final = 'attractor  event      alpha [1]  orbit'
+
+
+@dataclasses.dataclass
+class Family:
+    """
+    The stable orbits of a branch between two changes.
+
+    Attributes
+    ----------
+    orbits : list of Orbit
+        In the order of alpha.
+    turns : list of Turn
+        Where it ends.
+    parent : int
+        The family from which it parts, -1 for none.
+    numbers : list of int
+        Of the attractors that were seen on it.
+
+    """
+
+    orbits: list[Orbit]
+    turns: list[Turn]
+    parent: int
+    numbers: list[int] = dataclasses.field(default_factory=list)
+
+    def holds(self, orbit: Orbit) -> bool:
+        """Tell whether an orbit belongs to it."""
+        if (orbit.impacts, orbit.drive_periods) != (self.orbits[0].impacts,
+                                                    self.orbits[0].drive_periods):
+            return False
+        alpha = orbit.parameters.alpha
+        after = sum(one.parameters.alpha < alpha for one in self.orbits)
+        pair = self.orbits[max(after - 1, 0):after + 1]
+        near, far = pair[0], pair[-1]
+        gap = far.parameters.alpha - near.parameters.alpha
+        share = (alpha - near.parameters.alpha) / gap if gap > 0.0 else 0.0
+        ahead = far.points - near.points
+        ahead[:, 0] = turned(ahead[:, 0])
+        here = close_orbit(near.walls, near.points + share * ahead, orbit.parameters)
+        return here is not None and same_orbit(here, orbit, SAME)
 
 
 def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
-              told: Callable[[Event], None] = lambda event: None,
               searched: Callable[[int], None] = lambda count: None) -> list[Event]:
     """
-    Locate where the attractors of a diagram appear, double and vanish.
+    Locate where the attractors of a diagram are born, double and end.
+
+    A periodic one ends where its branch does, so its branch is followed and no trajectory is
+    asked; a chaotic one is followed with its own states.
 
     Parameters
     ----------
@@ -96,11 +146,9 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
     store : Store
         Complete.
     tolerance : float
-        In alpha [1].
+        In alpha, of the ends of chaotic attractors [1].
     hold : int
-        An attractor lasts where `LANES` trajectories stay for so many impacts.
-    told : callable
-        Is told of every event when it is found.
+        A chaotic attractor lasts where `LANES` trajectories stay for so many impacts.
     searched : callable
         Is told of the searches just done, of those that `searches_of` counts.
 
@@ -110,45 +158,55 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
         Attractor by attractor, in the order of alpha.
 
     """
-    numbers = store.read_all('attractor')[diagram.sweeps.index('starts')]
-    kinds = store.read_all('kind')[diagram.sweeps.index('starts')]
-    periods = store.read_all('period_impacts')[diagram.sweeps.index('starts')]
-    events: list[Event] = []
-    halvings = _halvings(diagram, tolerance)
-    for n, columns, slots in _lasting(numbers):
-        found: list[Event] = []
-        regular = [i for i in range(len(columns)) if kinds[columns[i], slots[i]] == ORBIT]
-        if regular:
-            least = min(regular, key=lambda i: (periods[columns[i], slots[i]], columns[i]))
-            same = [i for i in regular
-                    if periods[columns[i], slots[i]] == periods[columns[least], slots[least]]]
-            middle = same[len(same) // 2]
-            one = settled_at(diagram, int(columns[middle]), int(slots[middle]))
-            if one.orbit is not None:
-                found += _events_of_orbit(n, one.orbit, diagram, tolerance)
-        for event in sorted(found, key=lambda event: event.alpha):
-            told(event)
-        searched(FOLLOWING)
-        last = int(columns[-1])
-        if last < diagram.columns - 1:
-            one = settled_at(diagram, last, int(slots[-1]))
-            left = [halvings]
+    ends: list[tuple[int, End]] = []
+    families: list[Family] = []
 
-            def tried(left: list[int] = left) -> None:
-                # It may outlast its last column: that takes searches that were not foreseen.
-                if left[0]:
-                    left[0] -= 1
-                    searched(1)
+    def take(n: int, orbit: Orbit | None) -> None:
+        if orbit is None:
+            return
+        home = next((one for one in families if one.holds(orbit)), None)
+        if home is None:
+            home = _family(orbit, (-1.0, 1.0), diagram, -1)
+            _add(home, families, diagram)
+        home.numbers.append(n)
 
-            end = find_end(n, one, diagram, last, tolerance, hold, tried)
-            searched(left[0])
-            found.append(end)
-            told(end)
-        events += sorted(found, key=lambda event: event.alpha)
-    return events
+    def follow_chaos(n: int, herd: Herd | Escape | None, direction: float) -> None:
+        if not isinstance(herd, Herd):
+            return
+        width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
+        end = find_end(herd, direction, width, diagram.alphas[int(direction > 0.0)], tolerance,
+                       hold)
+        if end is None:
+            return
+        if end.kind == 'orbit':
+            take(n, end.captor)
+        elif not any(_same_end(end, known) for _, known in ends):
+            ends.append((n, end))
+
+    for n, column, slot in _seen(diagram, store, PERIODIC):
+        take(n, orbit_in(diagram, store, column, slot))
+        searched(1)
+    for n, columns, slots in _runs(diagram, store):
+        for direction in (-1.0, 1.0):
+            follow_chaos(n, _herd_of(diagram, store, columns, slots, direction, hold), direction)
+            searched(FOLLOWING)
+    for family in families:
+        n = _number(family, families)
+        for orbit, direction in _cascades(family, families, diagram, store, n):
+            state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
+            parameters = orbit.parameters
+            follow_chaos(n, watch(parameters, spread_out(parameters, state), hold), direction)
+    events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor) for n, end in ends]
+    for family in families:
+        n = _number(family, families)
+        for turn in family.turns:
+            event = Event(n, turn.change.value, turn.alpha, turn.uncertainty, turn.orbit)
+            if not any(_same_change(event, known) for known in events):
+                events.append(event)
+    return sorted(events, key=lambda event: (event.attractor, event.alpha))
 
 
-def searches_of(diagram: Diagram, store: Store, tolerance: float) -> int:
+def searches_of(diagram: Diagram, store: Store) -> int:
     """
     Foresee how many searches `events_of` takes.
 
@@ -158,193 +216,155 @@ def searches_of(diagram: Diagram, store: Store, tolerance: float) -> int:
         The diagram, with the sweep from starts.
     store : Store
         Complete.
-    tolerance : float
-        In alpha [1].
 
     Returns
     -------
     int
-        One for each amplitude at which an end is looked for, some for each orbit followed.
+        One for each orbit seen, some for each end of a chaotic attractor.
 
     """
-    numbers = store.read_all('attractor')[diagram.sweeps.index('starts')]
-    return sum(FOLLOWING + _halvings(diagram, tolerance) * int(columns[-1] < diagram.columns - 1)
-               for _, columns, _ in _lasting(numbers))
+    return (sum(1 for _ in _seen(diagram, store, PERIODIC))
+            + 2 * FOLLOWING * sum(1 for _ in _runs(diagram, store)))
 
 
-def _lasting(numbers: npt.NDArray[Any]) -> Iterator[tuple[int, IntArray, IntArray]]:
-    # Number, columns and slots of each attractor that is seen often enough.
-    for n in range(int(numbers.max()) + 1):
-        columns, slots = np.nonzero(numbers == n)
-        if len(columns) >= FEWEST:
-            yield n, columns, slots
-
-
-def _halvings(diagram: Diagram, tolerance: float) -> int:
-    step = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
-    return 1 + max(0, math.ceil(math.log2(step / tolerance)))
-
-
-def settled_at(diagram: Diagram, column: int, slot: int) -> Settled:
+def orbit_in(diagram: Diagram, store: Store, column: int, slot: int) -> Orbit | None:
     """
-    Compute a column again and take one of its attractors.
+    Take a periodic attractor from a store.
 
     Parameters
     ----------
     diagram : Diagram
         The diagram.
+    store : Store
+        Complete.
     column, slot : int
         Which column, and which of its attractors.
 
     Returns
     -------
-    Settled
-        The attractor.
+    Orbit or None
+        None where Newton's method does not find it again.
 
     """
-    return settle(run_ensemble(diagram.starts(column), diagram.at(column), diagram.window))[slot]
+    parameters = diagram.at(column)
+    state = _read(diagram, store, 'member_state')[column, slot]
+    period = int(_read(diagram, store, 'period_impacts')[column, slot])
+    rows, _ = record_impacts(make_starts(parameters, *state[:, None]), 0, period)
+    walls = np.signbit(rows[0]['velocity']).astype(np.int64)
+    points = np.stack([rows[0]['phase'], rows[0]['velocity']], axis=1)
+    orbit = close_orbit(walls, points, parameters)
+    return orbit if orbit is not None and orbit.is_stable else None
 
 
-def _events_of_orbit(n: int, orbit: Orbit, diagram: Diagram,
-                     tolerance: float) -> list[Event]:
-    low, high = diagram.alphas[0] - OUTSIDE, diagram.alphas[1] + OUTSIDE
-    low = max(low, 0.0)
-    events = []
-    for direction in (-1.0, 1.0):
-        branch = follow(orbit, direction, low, high, tolerance=tolerance)
-        if not branch.turns:
+def _read(diagram: Diagram, store: Store, name: str) -> npt.NDArray[Any]:
+    return np.asarray(store.read_all(name)[diagram.sweeps.index('starts')])
+
+
+def _seen(diagram: Diagram, store: Store, kind: int) -> Iterator[tuple[int, int, int]]:
+    # Number, column and slot of every attractor of a kind.
+    numbers = _read(diagram, store, 'attractor')
+    for column, slot in np.argwhere(_read(diagram, store, 'kind') == kind):
+        yield int(numbers[column, slot]), int(column), int(slot)
+
+
+def _runs(diagram: Diagram, store: Store) -> Iterator[tuple[int, list[int], list[int]]]:
+    # Stretches of columns over which an attractor is chaotic wherever it is seen.
+    numbers, kinds = (_read(diagram, store, name) for name in ('attractor', 'kind'))
+    for n in range(int(numbers.max()) + 1):
+        run: list[tuple[int, int]] = []
+        for column, slot in np.argwhere(numbers == n):
+            if kinds[column, slot] == CHAOTIC:
+                run.append((int(column), int(slot)))
+            elif run:
+                yield n, [c for c, _ in run], [k for _, k in run]
+                run = []
+        if run:
+            yield n, [c for c, _ in run], [k for _, k in run]
+
+
+def _family(orbit: Orbit, directions: tuple[float, ...], diagram: Diagram, parent: int) -> Family:
+    low, high = max(0.0, diagram.alphas[0] - OUTSIDE), diagram.alphas[1] + OUTSIDE
+    orbits, turns = [orbit], list[Turn]()
+    for direction in directions:
+        branch = follow(orbit, direction, low, high, to_first_turn=True)
+        orbits += [one for one in branch.orbits[1:] if one.is_stable]
+        turns += branch.turns
+    # The last step may have gone round a fold.
+    orbits.sort(key=lambda one: one.parameters.alpha)
+    return Family(orbits, turns, parent)
+
+
+def _add(family: Family, families: list[Family], diagram: Diagram, depth: int = 0) -> None:
+    # With the families that part from it, one from another, inside the window.
+    families.append(family)
+    number = len(families) - 1
+    for turn in family.turns:
+        if (turn.change not in (Change.DOUBLING, Change.PITCHFORK) or depth == DOUBLINGS
+                or not diagram.alphas[0] <= turn.alpha <= diagram.alphas[1]
+                or 2 * turn.orbit.impacts > LONGEST):
             continue
-        # What happens to the orbit later, once it is unstable, is no event of the attractor.
-        first = branch.turns[0]
-        events.append(_event(n, first))
-        if first.change is Change.DOUBLING:
-            events += cascade(n, first.orbit, direction, tolerance)
-    return events
+        there = turn.orbit.parameters
+        beside = [close_orbit(turn.orbit.walls, turn.orbit.points,
+                              dataclasses.replace(there, alpha=turn.alpha + step))
+                  for step in (-BESIDE, BESIDE) if turn.alpha >= BESIDE]
+        for orbit in (*leaving(turn), *beside):
+            if (orbit is not None and orbit.is_stable
+                    and not any(one.holds(orbit) for one in families)):
+                # Back at the change there is nothing new.
+                away = math.copysign(1.0, orbit.parameters.alpha - turn.alpha)
+                _add(_family(orbit, (away,), diagram, number), families, diagram, depth + 1)
 
 
-def _event(n: int, turn: Turn) -> Event:
-    orbit = turn.orbit
-    sign = -1.0 if turn.change is Change.DOUBLING else 1.0
-    nearest = min(orbit.multipliers, key=lambda m: abs(m - sign))
-    return Event(n, turn.change.value, turn.alpha, turn.uncertainty, orbit.impacts,
-                 orbit.drive_periods, complex(nearest))
+def _number(family: Family, families: list[Family]) -> int:
+    # Of the attractor seen on it most often, or on the one from which it parts.
+    while not family.numbers:
+        family = families[family.parent]
+    return max(sorted(set(family.numbers)), key=family.numbers.count)
 
 
-def cascade(n: int, orbit: Orbit, direction: float, tolerance: float,
-            doublings: int = DOUBLINGS) -> list[Event]:
-    """
-    Follow a cascade of doublings.
-
-    Parameters
-    ----------
-    n : int
-        Number of the attractor.
-    orbit : Orbit
-        At its doubling.
-    direction : float
-        Sign of the step in alpha beyond which the doubled orbit is stable.
-    tolerance : float
-        In alpha [1].
-    doublings : int
-        How many are followed at the most.
-
-    Returns
-    -------
-    list of Event
-        The doublings that follow.
-
-    """
-    events: list[Event] = []
-    step, longest = BEYOND, 0.02
-    for _ in range(doublings):
-        doubled = _doubled(orbit, direction * step)
-        if doubled is None or doubled.impacts > LONGEST:
-            break
-        alpha = doubled.parameters.alpha
-        branch = follow(doubled, direction, alpha - 0.1, alpha + 0.1, tolerance=tolerance,
-                        longest=longest, past_doublings=False)
-        if not branch.turns or branch.turns[0].change is not Change.DOUBLING:
-            break
-        events.append(_event(n, branch.turns[0]))
-        # The next one is nearer by Feigenbaum's number; velocities part as the square root.
-        gap = abs(events[-1].alpha - orbit.parameters.alpha) / FEIGENBAUM
-        step, longest = max(0.02 * gap, 1e-9), 0.1 * math.sqrt(gap)
-        orbit = branch.turns[0].orbit
-    return events
-
-
-def _doubled(orbit: Orbit, step: float) -> Orbit | None:
-    beyond = dataclasses.replace(orbit.parameters, alpha=orbit.parameters.alpha + step)
-    for amplitude in AMPLITUDES:
-        found = close_orbit(*double(orbit, amplitude), beyond)
-        if found is not None and found.impacts == 2 * orbit.impacts:
-            return found
+def _herd_of(diagram: Diagram, store: Store, columns: list[int], slots: list[int],
+             direction: float, hold: int) -> Herd | None:
+    states = _read(diagram, store, 'member_state')
+    # What is called chaotic may be a long transient at the end of the run, or all along it.
+    for i in sorted(range(len(columns)), key=lambda i: -direction * columns[i]):
+        parameters = diagram.at(columns[i])
+        herd = watch(parameters, spread_out(parameters, states[columns[i], slots[i]]), hold)
+        if isinstance(herd, Herd):
+            return herd
     return None
 
 
-def find_end(n: int, one: Settled, diagram: Diagram, column: int, tolerance: float,
-             hold: int, tried: Callable[[], None] = lambda: None) -> Event:
-    """
-    Locate where trajectories no longer stay on an attractor, by bisection.
-
-    Near a crisis they stay long: where `LANES` of them stay for `hold` impacts it is taken to
-    last, so the end may be a little early or late by that.
-
-    Parameters
-    ----------
-    n : int
-        Number of the attractor.
-    one : Settled
-        The attractor at a column.
-    diagram : Diagram
-        The diagram.
-    column : int
-        The last column where it was seen.
-    tolerance : float
-        In alpha [1].
-    hold : int
-        Impacts.
-    tried : callable
-        Is called after every amplitude.
-
-    Returns
-    -------
-    Event
-        Its end.
-
-    """
-    window = dataclasses.replace(diagram.window, skip=1, keep=max(256, hold), bins=BINS)
-    starts = diagram.starts(column)[one.members][:LANES]
-    followers = Followers(starts)
-    seen = followers.run(diagram.at(column), dataclasses.replace(diagram.window, bins=BINS))
-    states = followers.states()
-    reach = max(1, round(AWAY * BINS / (window.high - window.low)))
-    inside = spread(seen.counts.sum(axis=0), reach) > 0.0
-
-    def lasts(alpha: float) -> bool:
-        again = Followers(_with_states(starts, states))
-        ran = again.run(dataclasses.replace(diagram.parameters, alpha=alpha), window)
-        tried()
-        return not np.any(ran.counts[:, ~inside]) and not ran.rests.any()
-
-    low, high = float(diagram.values[column]), float(diagram.values[column + 1])
-    step = high - low
-    while lasts(high) and high < diagram.alphas[1]:
-        low, high = high, high + step
-    while high - low > tolerance:
-        middle = 0.5 * (low + high)
-        if lasts(middle):
-            low = middle
-        else:
-            high = middle
-    return Event(n, 'vanishes', 0.5 * (low + high), 0.5 * (high - low))
+def _cascades(family: Family, families: list[Family], diagram: Diagram, store: Store,
+              n: int) -> Iterator[tuple[Orbit, float]]:
+    # Where doublings lead to chaos that no column shows: just beyond, and the direction.
+    ends = [orbit.parameters.alpha for orbit in (family.orbits[0], family.orbits[-1])]
+    seen = diagram.values[(_read(diagram, store, 'attractor') == n).any(axis=1)]
+    for turn in family.turns:
+        # The doublings that follow crowd within a third of the way from the one before.
+        gap = turn.alpha - max(ends, key=lambda alpha: abs(turn.alpha - alpha))
+        direction, beyond = math.copysign(1.0, gap), turn.alpha + 0.5 * gap
+        if (turn.change is Change.DOUBLING and turn.orbit.impacts == family.orbits[0].impacts
+                and diagram.alphas[0] < beyond < diagram.alphas[1]
+                and not np.any(direction * seen > direction * turn.alpha)
+                and not any(families[one.parent] is family
+                            and one.orbits[0].impacts > turn.orbit.impacts
+                            for one in families if one.parent >= 0)):
+            yield dataclasses.replace(turn.orbit, parameters=dataclasses.replace(
+                turn.orbit.parameters, alpha=beyond)), direction
 
 
-def _with_states(starts: npt.NDArray[np.void], states: FloatArray) -> npt.NDArray[np.void]:
-    # Few starts may reach it: each is used often enough to fill the lanes, a little apart.
-    count = len(starts)
-    again = np.repeat(starts, -(-LANES // count))[:LANES].copy()
-    for k, name in enumerate(('phase', 'displacement', 'velocity')):
-        again[name] = np.repeat(states[:count, k], -(-LANES // count))[:LANES]
-    again['velocity'] *= 1.0 + 1e-6 * np.arange(len(again)) / LANES
-    return again
+def _same_end(a: End, b: End) -> bool:
+    # Seen twice, under two numbers; mirror images end at the same place, elsewhere.
+    if a.kind != b.kind or abs(a.alpha - b.alpha) > a.uncertainty + b.uncertainty:
+        return False
+    shared = np.count_nonzero(a.last.region & b.last.region)
+    return bool(2 * shared > np.count_nonzero(a.last.region))
+
+
+def _same_change(event: Event, known: Event) -> bool:
+    # Of one orbit at one place; where an orbit replaces chaos that is told.
+    return (abs(event.alpha - known.alpha) <= event.tolerance + known.tolerance
+            and event.orbit is not None and known.orbit is not None
+            and (event.what == known.what
+                 or known.what == 'window' and event.what in ('fold', 'grazing'))
+            and same_orbit(event.orbit, known.orbit, SAME_CHANGE))

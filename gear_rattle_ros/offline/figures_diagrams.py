@@ -135,13 +135,14 @@ def draw_shares(store: Store) -> Figure:
     of = store.read_all('event_attractor')
     for kind, alpha, number in zip(kinds, where, of, strict=True):
         if alphas[0] <= alpha <= alphas[-1]:
-            style = {'fold': '-', 'doubling': ':', 'vanishes': '--'}.get(str(kind), '-.')
+            style = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
             axes.axvline(alpha, color=hue(int(number)), linestyle=style, linewidth=1.0)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
     axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
     axes.set_ylabel('share of the starts [1], ± standard error', fontsize=12)
     figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, 'Shares of the attractors; lines: '
-                'fold (solid), doubling (dotted), end (dashed)', va='top', fontsize=13)
+                'fold (solid), doubling (dotted), crisis (dashed), others (dash-dotted)', va='top',
+                fontsize=13)
     _legend(axes, store, [0])
     return figure
 

@@ -1,0 +1,387 @@
+"""Where a chaotic attractor ends: it is followed in small steps of alpha, with its own states."""
+
+from collections.abc import Iterator
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .escape_rates import fit_law
+from .grid import make_starts
+from ..core.branches import Change, follow, is_own_image, Turn
+from ..core.classify import RecordArray
+from ..core.closed_orbits import close_near, Orbit
+from ..core.elementary import TWO_PI
+from ..core.escape import EscapeRate
+from ..core.flight import NO_WALL
+from ..core.lanes_step import LANES
+from ..core.model import ALPHA_MAXIMUM, Parameters
+from ..core.periodic import find_orbit
+from ..core.recorded import record_impacts, starts_after
+from ..core.section import shortest_recurrence
+from ..core.table import dilated
+
+FloatArray = npt.NDArray[np.float64]
+# Trajectories are looked at every so many impacts, at the last of them, and this often at least.
+ROUND: Final = 2048
+KEPT: Final = 256
+ROUNDS: Final = 8
+# Impacts that recur so well are looked at for an orbit [1].
+RECURS: Final = 1e-4
+# The region of an attractor: boxes along phase and speed, up to so much above its fastest impact.
+BOXES: Final = 128
+ROOM: Final = 1.2
+# Beyond a crisis escapes are timed where the mean lifetime is at least this part of the impacts
+# over which the attractor is watched, and up to so much longer; so many at each amplitude, whose
+# distances go by a factor.
+SHORTEST: Final = 0.25
+SPAN: Final = 16.0
+ESCAPES: Final = 48
+FACTOR: Final = math.sqrt(2.0)
+# An orbit is followed so far to the end of its window [1], which is left by a leap.
+WIDEST: Final = 0.05
+LEAP: Final = 2.5
+# Of so many escapes expected none is seen once in twenty times; and the escape rate grows with the
+# distance from the crisis at most as this power (Grebogi, Ott & Yorke 1987: 1/2 and more).
+UNSEEN: Final = 3.0
+EXPONENT: Final = 2.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Herd:
+    """
+    Trajectories that are on a chaotic attractor.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        The parameters.
+    states : ndarray of START, shape (LANES,)
+        Where they are.
+    region : ndarray of bool, shape (2, BOXES, BOXES)
+        Where their impacts were, with all neighbours: wall, speed, phase.
+    speed : float
+        Greatest speed of the boxes [1].
+
+    """
+
+    parameters: Parameters
+    states: RecordArray
+    region: npt.NDArray[np.bool_]
+    speed: float
+
+    def strays(self, phases: FloatArray, velocities: FloatArray) -> npt.NDArray[np.bool_]:
+        """Tell of rows of impacts which lie mostly outside the region."""
+        inside = self.region[_places(phases, velocities, self.speed)]
+        inside &= np.abs(velocities) < self.speed
+        return np.asarray(np.mean(inside, axis=-1) < 0.5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Escape:
+    """
+    Trajectories of which one has left the attractor.
+
+    Attributes
+    ----------
+    captor : Orbit or None
+        The orbit on which it has settled; None where it rests or goes on elsewhere.
+
+    """
+
+    captor: Orbit | None
+
+
+@dataclasses.dataclass(frozen=True)
+class End:
+    """
+    Where a chaotic attractor ends.
+
+    Attributes
+    ----------
+    kind : str
+        window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
+        orbit: it is no end, but goes on as an orbit whose doublings lead up to it.
+    alpha, uncertainty : float
+        Where, and how far off that can be [1].
+    captor : Orbit or None
+        What its trajectories settle on: of a window where it is born, else beyond.
+    last : Herd
+        The last that did not escape.
+
+    """
+
+    kind: str
+    alpha: float
+    uncertainty: float
+    captor: Orbit | None
+    last: Herd
+
+
+def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
+    """
+    Make states of many trajectories from one; chaos parts them.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The parameters.
+    state : ndarray of float, shape (3,)
+        Phase [rad], displacement and velocity [1].
+
+    Returns
+    -------
+    ndarray of START, shape (LANES,)
+        The states.
+
+    """
+    phase, displacement, velocity = state
+    return make_starts(parameters, phase, displacement,
+                       velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
+
+
+def watch(parameters: Parameters, states: RecordArray, hold: int,
+          before: Herd | None = None) -> Herd | Escape:
+    """
+    Watch whether trajectories stay on their attractor.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The parameters.
+    states : ndarray of START, shape (LANES,)
+        On the attractor; their parameters are not used.
+    hold : int
+        Impacts of each.
+    before : Herd, optional
+        The attractor a little before; where none is given, it is what they are seen on.
+
+    Returns
+    -------
+    Herd or Escape
+        They all stay, or the first that does not.
+
+    """
+    seen: list[RecordArray] = []
+    away = np.ones(LANES, bool)
+    rounds = max(ROUNDS, -(-hold // ROUND))
+    # Outside for a while is a burst; who does not come back has left.
+    while len(seen) < rounds or before is not None and len(seen) < 2 * rounds and away.any():
+        states, impacts, captors = _go_on(parameters, states)
+        for _, captor in captors:
+            return Escape(captor)
+        seen.append(impacts)
+        if before is not None and len(seen) >= rounds:
+            away &= before.strays(impacts['phase'], impacts['velocity'])
+    if before is not None and away.any():
+        return Escape(None)
+    # The first impacts are still on their way from where the attractor was.
+    impacts = np.concatenate(seen[1:])
+    speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
+    region = np.zeros((2, BOXES, BOXES), bool)
+    region[_places(impacts['phase'], impacts['velocity'], speed)] = True
+    return Herd(parameters, states, dilated(region), speed)
+
+
+def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance: float,
+             hold: int) -> End | None:
+    """
+    Follow a chaotic attractor to its end.
+
+    Parameters
+    ----------
+    herd : Herd
+        On it.
+    direction : float
+        Sign of the steps in alpha.
+    width : float
+        The first step, and the longest [1].
+    edge : float
+        How far it is followed in alpha [1].
+    tolerance : float
+        The shortest step [1].
+    hold : int
+        An attractor lasts where `LANES` trajectories stay for so many impacts.
+
+    Returns
+    -------
+    End or None
+        None where it does not end.
+
+    """
+    low, step, stayed = herd.parameters.alpha, width, 0
+    captor, turn = None, None
+    while step >= tolerance:
+        left = direction * (edge - low)
+        if left < tolerance:
+            return None
+        alpha = low + direction * min(step, left)
+        trial = watch(_at(herd, alpha), herd.states, hold, herd)
+        if isinstance(trial, Herd):
+            herd, low, stayed = trial, alpha, stayed + 1
+            # Once is what a bisection does; twice, the step had failed for its length alone.
+            step = min(width, 2.0 * step) if stayed > 1 else step
+            continue
+        captor, stayed = trial.captor, 0
+        turn = None if captor is None else _born(captor, herd, low, direction)
+        if captor is not None and turn is not None:
+            if turn.orbit.impacts == captor.impacts and (
+                    turn.change is Change.DOUBLING
+                    or turn.change is Change.PITCHFORK and is_own_image(captor)):
+                return End('orbit', alpha, 0.0, captor, herd)
+            if abs(math.remainder(alpha - edge, width)) < 1e-6 * width:
+                # A column shows it.
+                before = watch(_at(herd, turn.alpha - direction * tolerance), herd.states, hold,
+                               herd)
+                if isinstance(before, Herd):
+                    herd, low = before, before.parameters.alpha
+                    after = watch(_at(herd, turn.alpha + direction * tolerance), herd.states,
+                                  hold, herd)
+                    if isinstance(after, Herd):
+                        herd, low = after, after.parameters.alpha
+                        continue
+                    if after.captor is not None:
+                        return _window(turn, herd)
+            else:
+                # A window narrower than a column is no end: chaos is back on its other side.
+                far = _far_side(captor, turn, direction)
+                beyond = watch(_at(herd, far), herd.states, hold, herd)
+                if isinstance(beyond, Herd) and direction * (edge - far) > 0.0:
+                    herd, low, turn = beyond, far, None
+                    continue
+        step *= 0.5
+    return _crisis(herd, low, direction, step, captor, hold, width) if turn is None else _window(
+        turn, herd)
+
+
+def _window(turn: Turn, herd: Herd) -> End:
+    return End('window', turn.alpha, turn.uncertainty, turn.orbit, herd)
+
+
+def _far_side(captor: Orbit, turn: Turn, direction: float) -> float:
+    # A window is 9/4 times as wide as its first orbit is stable (Yorke et al. 1985).
+    alpha = captor.parameters.alpha
+    last = follow(captor, direction, alpha - WIDEST, alpha + WIDEST, to_first_turn=True).orbits[-1]
+    return turn.alpha + LEAP * (last.parameters.alpha - turn.alpha)
+
+
+def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | None:
+    # Where an orbit in the midst of the attractor was born, if that was not before.
+    if captor.sticks != NO_WALL or herd.strays(captor.phases, captor.velocities):
+        return None
+    alpha = captor.parameters.alpha
+    turns = follow(captor, -direction, min(low, alpha), max(low, alpha), to_first_turn=True).turns
+    return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
+
+
+def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | None,
+            hold: int, width: float) -> End:
+    # Long lifetimes hide the very place; the law by which they shorten beyond it tells.
+    high = 2.0 * step
+    shortest = max(SHORTEST * hold, 2.0 * ROUND)
+
+    def rate(distance: float, wanted: int) -> EscapeRate:
+        return time_escapes(_at(herd, low + direction * distance), herd, wanted,
+                            2.0 * wanted * SPAN * shortest)
+
+    distance = high
+    while distance < width and rate(distance, ROUNDS).mean > shortest:
+        distance *= 2.0
+    measured: list[tuple[float, EscapeRate]] = []
+    while distance >= high and (not measured or measured[-1][1].mean < SPAN * shortest):
+        measured.append((distance, rate(distance, ESCAPES)))
+        distance /= FACTOR
+    seen = [(d, k) for d, k in measured if k.escapes >= ROUNDS]
+    # At the last place none of all trajectories escaped, so the crisis is not far before it.
+    hidden = width
+    for d, k in seen:
+        share = (UNSEEN / (LANES * hold * k.rate))**(1.0 / EXPONENT)
+        if share < 1.0:
+            hidden = min(hidden, d * share / (1.0 - share))
+    beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
+    if len(seen) >= 4:
+        law = fit_law([d for d, _ in seen], [k.rate for _, k in seen], [k.error for _, k in seen])
+        if law.alpha_c_error < uncertainty:
+            beyond = min(max(law.alpha_c, -hidden), high)
+            uncertainty = max(law.alpha_c_error, step, abs(law.alpha_c - beyond))
+    return End('crisis', low + direction * beyond, uncertainty, captor, herd)
+
+
+def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -> EscapeRate:
+    """
+    Measure how fast trajectories escape beyond the end of their attractor.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Beyond it.
+    herd : Herd
+        On the attractor just before.
+    wanted : int
+        Escapes after which it is enough.
+    most : float
+        Impacts of all trajectories together after which it is given up [1].
+
+    Returns
+    -------
+    EscapeRate
+        Of an exponential law, seen every `ROUND` impacts. Who has escaped begins anew as another;
+        what happens in the first round of each says nothing.
+
+    """
+    states = herd.states
+    counts = np.zeros(LANES, bool)
+    escapes = rounds = 0
+    while escapes < wanted and rounds * ROUND < most:
+        states, impacts, captors = _go_on(parameters, states)
+        gone = herd.strays(impacts['phase'], impacts['velocity'])
+        gone[[i for i, _ in captors]] = True
+        escapes += int(np.count_nonzero(gone & counts))
+        rounds += int(np.count_nonzero(counts))
+        counts = ~gone
+        if gone.any():
+            pool = herd.states if gone.all() else states[~gone]
+            anew = pool[np.arange(np.count_nonzero(gone)) % len(pool)]
+            anew['velocity'] *= 1.0 + 1e-6 * np.arange(1, 1 + len(anew)) / LANES
+            states[gone] = anew
+    rate = -math.log1p(-escapes / (rounds + 1.0)) / ROUND
+    return EscapeRate(rate, rate / math.sqrt(max(1, escapes)), escapes, float(rounds * ROUND))
+
+
+def _at(herd: Herd, alpha: float) -> Parameters:
+    return dataclasses.replace(herd.parameters, alpha=min(max(alpha, 0.0), ALPHA_MAXIMUM))
+
+
+def _go_on(parameters: Parameters, states: RecordArray
+           ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | None]]]:
+    # States after a round, its last impacts, and who is at rest (None) or on a stable orbit.
+    starts = make_starts(parameters, *(states[name] for name in (
+        'phase', 'displacement', 'velocity')))
+    rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
+    last = rows[:, -1]
+    after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
+                         last['velocity'])
+
+    def captors() -> Iterator[tuple[int, Orbit | None]]:
+        for i, row in enumerate(rows):
+            if counts[i] < KEPT:
+                yield i, None
+                continue
+            q = int(shortest_recurrence(row, KEPT // 2, RECURS))
+            if q:
+                # An orbit that sticks is no root of Newton's method.
+                orbit = close_near(parameters, row[-q:]) or find_orbit(
+                    parameters, row, KEPT // 2, RECURS)
+                if orbit is not None and orbit.is_stable:
+                    yield i, orbit
+
+    return after, rows, captors()
+
+
+def _places(phases: FloatArray, velocities: FloatArray, speed: float
+            ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    rows = np.minimum(np.abs(velocities) * (BOXES / speed), BOXES - 1).astype(np.int64)
+    columns = np.minimum(phases * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)
+    return np.signbit(velocities).astype(np.int64), rows, columns
