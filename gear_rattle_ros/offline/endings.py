@@ -333,16 +333,20 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
     """
     states = herd.states
     counts = np.zeros(LANES, bool)
-    escapes = rounds = 0
-    while escapes < wanted and rounds * ROUND < most:
+    escapes = rounds = made = 0
+    while escapes < wanted and made < most:
         states, impacts, captors = _go_on(parameters, states)
         gone = herd.strays(impacts['phase'], impacts['velocity'])
         gone[[i for i, _ in captors]] = True
+        made += LANES * ROUND
+        if gone.all():
+            # Faster than they are looked at.
+            return EscapeRate(1.0 / ROUND, 1.0 / ROUND, LANES, float(LANES * ROUND))
         escapes += int(np.count_nonzero(gone & counts))
         rounds += int(np.count_nonzero(counts))
         counts = ~gone
         if gone.any():
-            pool = herd.states if gone.all() else states[~gone]
+            pool = states[~gone]
             anew = pool[np.arange(np.count_nonzero(gone)) % len(pool)]
             anew['velocity'] *= 1.0 + 1e-6 * np.arange(1, 1 + len(anew)) / LANES
             states[gone] = anew

@@ -46,7 +46,8 @@ class Event:
         Its number.
     what : str
         Of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a stable
-        orbit is born and replaces it), crisis (trajectories escape).
+        orbit is born and replaces it), crisis (trajectories leave it,
+        for an orbit or for where it was not before).
     alpha, tolerance : float
         Where, and how well that is located [1].
     orbit : Orbit or None

@@ -33,6 +33,8 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
     """
     numbers = np.full(keys.shape, -1, np.int64)
     count = 0
+    # Rest has no impacts, but one name at every alpha.
+    resting: dict[str, int] = {}
     for s in range(len(keys)):
         seen: dict[int, tuple[int, Trace]] = {}
         for c in range(keys.shape[1]):
@@ -40,10 +42,14 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
             here = {keys[place][c][slot]: int(numbers[place, c, slot])
                     for place, slot in np.argwhere(numbers[:s, c] >= 0)}
             for k in np.flatnonzero(is_attractor[s, c]):
+                if np.isnan(points[s, c, k]).all():
+                    count += keys[s, c, k] not in resting
+                    here[keys[s, c, k]] = resting.setdefault(keys[s, c, k], count - 1)
                 numbers[s, c, k] = here.get(keys[s, c, k], -1)
             left = [int(k) for k in np.flatnonzero(is_attractor[s, c] & (numbers[s, c] < 0))]
             recent = tuple(trace for number, (last, trace) in seen.items()
-                           if c - last <= GAP and number not in numbers[s, c])
+                           if c - last <= GAP and len(trace.points)
+                           and number not in numbers[s, c])
             _, found = follow(recent, [_of(points[s, c, k], chaotic[s, c, k]) for k in left],
                               fresh=count)
             numbers[s, c, left] = found

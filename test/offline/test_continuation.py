@@ -253,6 +253,17 @@ def test_the_loss_of_symmetry_is_told_once(tmp_path, window):
     assert all(abs(one[2] - 1.0 / math.hypot(2.0, 3.0 * math.pi)) <= one[3] for one in folds)
 
 
+def test_rest_is_one_attractor_at_every_alpha(tmp_path):
+    """It has no impacts to be matched by, only a name; it needs alpha below gamma."""
+    path = tmp_path / 'k.zarr'
+    assert main(['--beta', '0', '--gamma', '0.16', '--alpha', '0.151', '0.167', '--columns', '5',
+                 '--trajectories', '32', '--hold', '2000', '--output', str(path)]) == 0
+    table = open_dataset(path)
+    rests = np.char.startswith(table.key.values[0].astype(str), 'rest')
+    assert np.array_equal(rests.any(axis=1), table.alpha.values < 0.16)
+    assert len(set(table.attractor.values[0][rests])) == 1
+
+
 def test_the_cascade_of_b_goes_on_as_feigenbaum_says(tmp_path):
     found = events(tmp_path, '--alpha 0.5 0.57 --columns 3 --trajectories 32 --hold 2000 '
                              '--tolerance 1e-4')
