@@ -33,13 +33,18 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
     """
     numbers = np.full(keys.shape, -1, np.int64)
     count = 0
+    # What rests has no impacts: its name is its own at every alpha.
+    resting = is_attractor & ~np.isfinite(points[..., 0, 0])
+    for key in np.unique(keys[resting]):
+        numbers[resting & (keys == key)] = count
+        count += 1
     for s in range(len(keys)):
         seen: dict[int, tuple[int, Trace]] = {}
         for c in range(keys.shape[1]):
             # The same alpha in another sweep is surer than a neighbour.
             here = {keys[place][c][slot]: int(numbers[place, c, slot])
                     for place, slot in np.argwhere(numbers[:s, c] >= 0)}
-            for k in np.flatnonzero(is_attractor[s, c]):
+            for k in np.flatnonzero(is_attractor[s, c] & ~resting[s, c]):
                 numbers[s, c, k] = here.get(keys[s, c, k], -1)
             left = [int(k) for k in np.flatnonzero(is_attractor[s, c] & (numbers[s, c] < 0))]
             recent = tuple(trace for number, (last, trace) in seen.items()
@@ -48,7 +53,7 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
                               fresh=count)
             numbers[s, c, left] = found
             count = max(count, int(numbers.max()) + 1)
-            for k in np.flatnonzero(numbers[s, c] >= 0):
+            for k in np.flatnonzero((numbers[s, c] >= 0) & ~resting[s, c]):
                 number = int(numbers[s, c, k])
                 seen[number] = c, Trace(number, *_of(points[s, c, k], chaotic[s, c, k]))
     return _by_length(numbers, count)
