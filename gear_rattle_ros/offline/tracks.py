@@ -14,22 +14,11 @@ GAP: Final = 5
 def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[np.bool_],
           is_attractor: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """
-    Give numbers to the attractors of an orbit diagram.
+    Give the attractors of an orbit diagram numbers from 0 on, and -1 where there is none.
 
-    Parameters
-    ----------
-    keys : ndarray of str, shape (sweep, alpha, slot)
-        Names: at one alpha the same name is the same attractor.
-    points : ndarray of float, shape (sweep, alpha, slot, point, 3)
-        Wall, phase [rad] and velocity [1] of impacts of each, nan for fewer.
-    chaotic, is_attractor : ndarray of bool, shape (sweep, alpha, slot)
-        What is chaotic, and what is an attractor at all.
-
-    Returns
-    -------
-    ndarray of int, shape (sweep, alpha, slot)
-        Numbers from 0 on, -1 for no attractor; the one seen over most columns first.
-
+    The arrays are (sweep, alpha, slot ...). At one alpha the same key is the same attractor;
+    `points` are wall, phase [rad] and velocity [1] of impacts, nan for fewer. The attractor that
+    is seen over most columns comes first.
     """
     numbers = np.full(keys.shape, -1, np.int64)
     count = 0
