@@ -96,7 +96,7 @@ class Orbit:
 
     @property
     def exact_sum(self) -> float:
-        """What the exponents add up to: ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
+        """Return what the exponents add up to: ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
         if self.sticks != NO_WALL or not self.parameters.restitution:
             return -math.inf
         return (2.0 * math.log(self.parameters.restitution)
@@ -150,7 +150,7 @@ class Shot:
 
     @functools.cached_property
     def blocks(self) -> FloatArray:
-        """Derivative of each impact by the one before, shape (q, 2, 2)."""
+        """Return the derivative of each impact by the one before, shape (q, 2, 2)."""
         q = len(self.times)
         blocks = np.stack([self.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2] for k in range(q)])
         return blocks + np.eye(2) if q == 1 else blocks
