@@ -81,7 +81,7 @@ class Performance:
         self._began = -math.inf
 
     def is_over(self, now: float, alpha: float) -> bool:
-        """Tell whether the last step has ended at a time [s], given alpha [1]."""
+        """Whether the last step has ended at a time [s], given alpha [1]."""
         return self._next == len(self._steps) and self._has_ended(now, alpha)
 
     def due(self, now: float, alpha: float) -> Step | None:
@@ -93,7 +93,7 @@ class Performance:
         return self._steps[self._next - 1]
 
     def _has_ended(self, now: float, alpha: float) -> bool:
-        """Tell whether the step that was begun last has ended; none has, before the first."""
+        """Whether the step that was begun last has ended; none has, before the first."""
         if self._next == 0:
             return True
         step = self._steps[self._next - 1]

@@ -68,17 +68,7 @@ class _Tally:
 
 
 class BagFile:
-    """
-    A file of a bag; every method but `abandon` raises OSError where it cannot be written.
-
-    Parameters
-    ----------
-    path : Path
-        To be made.
-    compression : str
-        Of the chunks: zstd, lz4 or none.
-
-    """
+    """A file of a bag; every method but `abandon` raises OSError where it cannot be written."""
 
     def __init__(self, path: Path, compression: str) -> None:
         self.path = path

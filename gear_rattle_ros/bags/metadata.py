@@ -21,19 +21,7 @@ _NEVER: Final = 2**63 - 1
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """
-    What is in a file of a bag.
-
-    Attributes
-    ----------
-    name : str
-        Of the .mcap file.
-    counts : tuple of (Topic, int)
-        The topics and how many messages each has.
-    start, end : int
-        Log time of the first and the last message [ns].
-
-    """
+    """A file of a bag: its messages by topic, and the log time of its first and last [ns]."""
 
     name: str
     counts: tuple[tuple[Topic, int], ...]
@@ -42,33 +30,12 @@ class Part:
 
     @property
     def total(self) -> int:
-        """
-        Count the messages.
-
-        Returns
-        -------
-        int
-            Of all topics.
-
-        """
+        """Count the messages of all topics."""
         return sum(count for _, count in self.counts)
 
 
 def document(parts: Sequence[Part]) -> dict[str, Any]:
-    """
-    Describe a bag.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        Its files.
-
-    Returns
-    -------
-    dict
-        What stands under ``rosbag2_bagfile_information``.
-
-    """
+    """Return what stands under ``rosbag2_bagfile_information`` for a bag of these files."""
     counts: dict[str, tuple[Topic, int]] = {}
     for part in parts:
         for topic, count in part.counts:
@@ -110,37 +77,14 @@ def document(parts: Sequence[Part]) -> dict[str, Any]:
 
 
 def dump(content: object) -> str:
-    """
-    Write YAML in block style.
-
-    Parameters
-    ----------
-    content : object
-        Of dicts, lists, strings and numbers.
-
-    Returns
-    -------
-    str
-        The text.
-
-    """
+    """Write YAML in block style."""
     # The way through JSON leaves nothing shared, which YAML would write as an alias.
     separate = json.loads(json.dumps(content))
     return str(yaml.safe_dump(separate, sort_keys=False, default_flow_style=False))
 
 
 def write(directory: Path, information: dict[str, Any]) -> None:
-    """
-    Replace the metadata.yaml of a bag, so that a reader sees the old one or the new one.
-
-    Parameters
-    ----------
-    directory : Path
-        The bag.
-    information : dict
-        As `document` returns it.
-
-    """
+    """Replace the metadata.yaml of a bag, so that a reader sees the old one or the new one."""
     text = dump({'rosbag2_bagfile_information': information})
     new = directory / f'.{NAME}.new'
     with new.open('w', encoding='utf-8') as stream:

@@ -85,15 +85,7 @@ class Salvage:
         self._walk()
 
     def messages(self) -> Iterator[tuple[Topic, mcap.records.Message]]:
-        """
-        Return the messages that are left.
-
-        Yields
-        ------
-        tuple of Topic and mcap.records.Message
-            In the order of the file.
-
-        """
+        """Yield the messages that are left, in the order of the file."""
         self.nameless = 0
         topics = {}
         for number, channel in self._channels.items():

@@ -31,7 +31,7 @@ LEAP_TRIALS: Final = 16
 
 @inlined
 def is_slow(effort, d):  # type: ignore[no-untyped-def]
-    """Tell whether a search up to time d has taken so many evaluations that it may never end."""
+    """Whether a search up to time d has taken so many evaluations that it may never end."""
     return effort > PATIENCE + PATIENCE_RATE * d
 
 
@@ -79,7 +79,7 @@ def worst_jerk(jerk, jerk_bound, snap_bound, longest):  # type: ignore[no-untype
 def stop_ahead(  # type: ignore[no-untyped-def]
         speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound):
     """
-    Find how far one can certainly go as far as the wall ahead is concerned.
+    Return how far one can certainly go as far as the wall ahead is concerned [1].
 
     Counted towards that wall, the displacement in time t is at most ``u t + f t^2/2 + c t^3/6``
     for ``t <= T``, with c the largest jerk until T; so at most ``u t + (f + c T/3) t^2/2``. Any T
@@ -98,10 +98,11 @@ def stop_ahead(  # type: ignore[no-untyped-def]
 def stop_behind(  # type: ignore[no-untyped-def]
         front, speed, pull, jerk, behind, jerk_bound, snap_bound):
     """
-    Shorten the step `front` where the mass may come back to the wall behind, and tell so by 1.
+    Return the step `front`, shortened where the mass may come back to the wall behind.
 
     The bound of the way back, ``-u t - f t^2/2 + c t^3/6``, is greatest at an end of the stretch.
-    Told by CRAWLS is that the step is so short because `front` is so long, not by the force.
+    The second result is 0 where it does not come back, else 1, or CRAWLS where the step is so
+    short because `front` is so long, not by the force.
     """
     c = worst_jerk(-jerk, jerk_bound, snap_bound, front)
     q = c * front * (1.0 / 3.0) - pull
@@ -117,25 +118,10 @@ def stop_behind(  # type: ignore[no-untyped-def]
 def leap(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
          alpha: float, beta: float, gamma: float) -> float:
     """
-    Find how far one can certainly go where the usual step crawls.
+    Return a time [1] in which no wall can be reached, where the usual step crawls.
 
     A mass that leaves a wall very slowly while the force changes its sign is soon back by the
-    jerk, much sooner than it could be at the other wall: of use is a bound for so long only.
-
-    Parameters
-    ----------
-    displacement, moved : float
-        At the beginning of the flight, and since then [1].
-    velocity, sine, cosine : float
-        Now, and of the phase now [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    float
-        A duration [1] in which no wall can be reached.
-
+    jerk, much sooner than it could be at the other wall: the bound need not hold for longer.
     """
     _, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
         displacement, moved, velocity, sine, cosine, alpha, beta, gamma)

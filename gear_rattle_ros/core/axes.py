@@ -37,22 +37,7 @@ class Place:
 
 
 def ahead(event: np.void, before: np.void, name: str) -> int:
-    """
-    Tell how far a counter has gone from one event to a later one.
-
-    Parameters
-    ----------
-    event, before : EVENT record
-        The events.
-    name : str
-        'index' or 'cycle', which count modulo 2^32.
-
-    Returns
-    -------
-    int
-        Not negative.
-
-    """
+    """Return how far a counter, 'index' or 'cycle' modulo 2^32, has gone since `before`."""
     return (int(event[name]) - int(before[name])) % 2**32
 
 

@@ -235,7 +235,7 @@ def leaving(turn: Turn) -> list[Orbit]:
 
 def is_own_image(orbit: Orbit) -> bool:
     """
-    Tell whether an orbit is its own mirror image.
+    Whether an orbit is its own mirror image.
 
     Parameters
     ----------

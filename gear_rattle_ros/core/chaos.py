@@ -188,23 +188,10 @@ def mark_boxes(row, speed, boxes, edge):  # type: ignore[no-untyped-def]
 
 def shortest_orbit(parameters: Parameters, rows: RecordArray) -> str:
     """
-    Name the shortest periodic orbit in a chaotic set.
+    Name the shortest periodic orbit in a chaotic set; `UNNAMED` if none up to `LONGEST` is seen.
 
-    Of those with the fewest impacts that trajectories often come near to, it is the first by
-    drive periods, wall and phase: nothing of that depends on the trajectories.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the trajectories.
-    rows : ndarray of IMPACT, shape (n, m)
-        Long trajectories in the set.
-
-    Returns
-    -------
-    str
-        Its name; `UNNAMED` where no orbit up to `LONGEST` impacts is seen.
-
+    Of those with the fewest impacts that trajectories often come near to, it is the first by drive
+    periods, wall and phase: nothing of that depends on the trajectories.
     """
     for q in range(1, LONGEST + 1):
         places, apart = close_returns(rows, q, RECURS)
@@ -264,26 +251,7 @@ def visits(rows, phase, velocity, most):  # type: ignore[no-untyped-def]
 
 
 def averages(parameters: Parameters, start: np.void, impacts: int) -> tuple[LyapunovReport, int]:
-    """
-    Average exponents along one trajectory, and count the pieces that it visits in turn.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the trajectory.
-    start : START record
-        Its state.
-    impacts : int
-        About how many.
-
-    Returns
-    -------
-    LyapunovReport
-        Exponents per impact with standard errors.
-    int
-        The pieces.
-
-    """
+    """Average exponents along one trajectory, and count the pieces that it visits in turn."""
     simulation = Simulation(parameters, State(
         0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
     running = RunningLyapunov()
@@ -296,20 +264,7 @@ def averages(parameters: Parameters, start: np.void, impacts: int) -> tuple[Lyap
 
 
 def count_pieces(events: EventArray) -> int:
-    """
-    Count the parts of a set that a trajectory visits in turn; see `ChaoticSet`.
-
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        A long trajectory in the set.
-
-    Returns
-    -------
-    int
-        At least 1.
-
-    """
+    """Count the parts of a set that a long trajectory visits in turn; see `ChaoticSet`."""
     impacts = events[events['velocity'] != 0.0]
     upper = impacts['velocity'] > 0.0
     impacts = impacts[upper if upper.any() else ~upper]

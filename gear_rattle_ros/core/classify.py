@@ -132,24 +132,7 @@ class Table(NamedTuple):
 
 @kernel
 def cell_of(wall, phase, speed, greatest, cells):  # type: ignore[no-untyped-def]
-    """
-    Find the cell of a point of the section.
-
-    Parameters
-    ----------
-    wall : int
-        Which.
-    phase, speed, greatest : float
-        Phase in [0, 2 pi) [rad], speed and the greatest speed of the cells [1].
-    cells : int
-        Number along an edge.
-
-    Returns
-    -------
-    int
-        Its number, or -1 beyond the greatest speed.
-
-    """
+    """Return the cell of a point [rad, 1] of the section, -1 beyond the greatest speed."""
     row = int(speed * (cells / greatest))
     if not 0 <= row < cells:
         return -1
@@ -166,22 +149,7 @@ def is_near(point, phase, velocity, flight_time, tolerance):  # type: ignore[no-
 
 @kernel
 def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
-    """
-    Tell whether an impact is in the neighbourhood that is mapped into itself.
-
-    Parameters
-    ----------
-    point : POINT record
-        The point; its wall is that of the impact.
-    phase, velocity : float
-        The impact [rad, 1].
-
-    Returns
-    -------
-    bool
-        Whether it is.
-
-    """
+    """Whether an impact at a point's wall is in the neighbourhood that is mapped into itself."""
     turn = phase - point.phase
     if turn > math.pi:
         turn -= TWO_PI
@@ -194,7 +162,7 @@ def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
 
 @kernel
 def is_held(wall, phase, start):  # type: ignore[no-untyped-def]
-    """Tell whether a wall is pressed by a mass that is at rest on it."""
+    """Whether a mass at rest on a wall is pressed against it."""
     sine, cosine = sine_cosine(phase)
     return is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma)
 
@@ -213,22 +181,7 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
     """
     Hold one impact against the table.
 
-    Parameters
-    ----------
-    w : WATCH record
-        Changed in place.
-    impact : IMPACT record
-        The impact.
-    start : START record
-        Of the trajectory, for its parameters.
-    table : Table
-        The attractors.
-
-    Returns
-    -------
-    tuple of int
-        The label and the lifetime; EMPTY and 0 while it has not settled.
-
+    Return the label and the lifetime [impacts], EMPTY and 0 while the trajectory has not settled.
     """
     settings = table.settings[0]
     tolerance = settings.tolerance
@@ -289,24 +242,10 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
 @kernel
 def uneventful(row, first, count, restitution, table):  # type: ignore[no-untyped-def]
     """
-    Skip impacts that are near no point of an orbit and too fast to stick.
+    Return the place of the first impact from `first` on that `watch` has to see, or `count`.
 
-    Parameters
-    ----------
-    row : ndarray of IMPACT, shape (m,)
-        Impacts of a trajectory that is near no orbit so far.
-    first, count : int
-        Where to begin, and how many there are.
-    restitution : float
-        Coefficient of restitution [1].
-    table : Table
-        The attractors, no chaotic ones among them.
-
-    Returns
-    -------
-    int
-        The place of the first impact that `watch` has to see, or `count`.
-
+    Those before it are near no point of an orbit and too fast to stick. The trajectory must be
+    near no orbit so far, and the table without chaotic attractors.
     """
     settings = table.settings[0]
     heads = table.heads
@@ -327,21 +266,7 @@ def uneventful(row, first, count, restitution, table):  # type: ignore[no-untype
 
 @kernel
 def finish(tile, i, result, label, lifetime, impacts):  # type: ignore[no-untyped-def]
-    """
-    Write what became of the start in a lane, and free the lane.
-
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place.
-    i : int
-        The lane.
-    result : RESULT record
-        Changed in place.
-    label, lifetime, impacts : int
-        What became of it.
-
-    """
+    """Write what became of the start in a lane, and free the lane."""
     result.label = label
     result.lifetime = lifetime
     result.impacts = impacts

@@ -96,7 +96,7 @@ class Orbit:
 
     @property
     def exact_sum(self) -> float:
-        """What the exponents add up to: ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
+        """Return what the exponents add up to: ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
         if self.sticks != NO_WALL or not self.parameters.restitution:
             return -math.inf
         return (2.0 * math.log(self.parameters.restitution)
@@ -150,7 +150,7 @@ class Shot:
 
     @functools.cached_property
     def blocks(self) -> FloatArray:
-        """Derivative of each impact by the one before, shape (q, 2, 2)."""
+        """Return the derivative of each impact by the one before, shape (q, 2, 2)."""
         q = len(self.times)
         blocks = np.stack([self.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2] for k in range(q)])
         return blocks + np.eye(2) if q == 1 else blocks
@@ -164,24 +164,7 @@ class Shot:
 
 
 def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters) -> Shot | None:
-    """
-    Map a closed sequence of impacts on.
-
-    Parameters
-    ----------
-    walls : ndarray of int, shape (q,)
-        Walls in order.
-    points : ndarray of float, shape (q, 2)
-        Phases and velocities [rad, 1].
-    parameters : Parameters
-        The parameters.
-
-    Returns
-    -------
-    Shot or None
-        None where a flight ends at another wall, or sticks.
-
-    """
+    """Map a closed sequence of impacts on; None where a flight sticks or ends at another wall."""
     q = len(walls)
     defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
     p = parameters
@@ -249,32 +232,10 @@ def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
 
 def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -> FloatArray:
     """
-    Solve ``jacobian z = defects`` with one more equation, ``row z = right``.
+    Solve ``jacobian z = defects`` and ``row z = right``: changes of the points, then of alpha.
 
     Every impact depends on the one before alone, so all are expressed by the first: what is left
-    are three equations, however long the orbit is.
-
-    Parameters
-    ----------
-    shot : Shot
-        With its derivatives.
-    defects : ndarray of float, shape (2 q,)
-        The right-hand side.
-    row : ndarray of float, shape (2 q + 1,)
-        The equation that is added.
-    right : float
-        Its right-hand side.
-
-    Returns
-    -------
-    ndarray of float, shape (2 q + 1,)
-        The solution: changes of the points, and of alpha.
-
-    Raises
-    ------
-    LinAlgError
-        If there is none, or more than one.
-
+    are three equations, however long the orbit is. It raises LinAlgError where they are singular.
     """
     q = len(defects) // 2
     # Impact k is carried[k] times (first phase, first velocity, alpha, 1).
@@ -295,24 +256,7 @@ def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -
 
 def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
              parameters: Parameters) -> Orbit | None:
-    """
-    Describe the periodic orbit through given points.
-
-    Parameters
-    ----------
-    walls : ndarray of int, shape (q,)
-        Walls in order.
-    points : ndarray of float, shape (q, 2)
-        Phases and velocities [rad, 1].
-    parameters : Parameters
-        The parameters.
-
-    Returns
-    -------
-    Orbit or None
-        None where they do not close to an orbit of whole drive periods.
-
-    """
+    """Return the orbit through points; None where they do not close in whole drive periods."""
     shot = fire(walls, points, parameters)
     if shot is None or np.max(np.abs(shot.defects)) > 1e3 * CLOSED:
         return None
@@ -350,7 +294,7 @@ def close_near(parameters: Parameters, row: RecordArray) -> Orbit | None:
 
 def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:
     """
-    Tell whether two orbits are the same, whichever impact they begin with.
+    Whether two orbits are the same, whichever impact they begin with.
 
     Parameters
     ----------

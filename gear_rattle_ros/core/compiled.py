@@ -16,17 +16,11 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 @functools.cache
 def cache_directory() -> Path:
     """
-    Find the folder that keeps compiled kernels.
+    Return the folder of compiled kernels, a temporary one where none can be written.
 
-    numba notices a change of the file a kernel stands in, but not of the kernels it calls from
-    other files, so the folder is named by the contents of the whole of ``core``.
-
-    Returns
-    -------
-    Path
-        Below ``NUMBA_CACHE_DIR``, else ``XDG_CACHE_HOME``, else ``~/.cache``; where none of them
-        can be written, a new temporary folder.
-
+    It is below ``NUMBA_CACHE_DIR``, else ``XDG_CACHE_HOME``, else ``~/.cache``. numba notices a
+    change of the file a kernel stands in, but not of the kernels it calls from other files, so the
+    folder is named by the contents of the whole of ``core``.
     """
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.glob('*.py')):
@@ -44,19 +38,10 @@ def cache_directory() -> Path:
 
 def kernel(function: Function) -> Function:
     """
-    Compile a function with numba, cached on disk.
+    Compile scalar numeric code with numba, cached on disk; it releases the GIL.
 
-    Parameters
-    ----------
-    function : callable
-        Scalar numeric code. No fused multiply-add and no reordering is allowed, so the same
-        input gives the same bits on every machine that rounds as IEEE 754 says.
-
-    Returns
-    -------
-    callable
-        The compiled function; it releases the GIL and divides by zero as numpy does.
-
+    No fused multiply-add and no reordering is allowed, so the same input gives the same bits on
+    every machine that rounds as IEEE 754 says. Division by zero gives what numpy gives.
     """
     # The folder is looked up when the function is decorated; other packages keep their own.
     config: Any = numba.config

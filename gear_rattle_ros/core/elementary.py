@@ -37,20 +37,7 @@ EXP_UNDERFLOW = 746.0
 
 @kernel
 def sine_series(y: float) -> float:
-    """
-    Sum the series of ``(sin r - r)/r^3``, even and odd terms apart for speed.
-
-    Parameters
-    ----------
-    y : float
-        ``r^2`` [1], at most 1.
-
-    Returns
-    -------
-    float
-        ``-1/3! + y/5! - y^2/7! + ...`` [1].
-
-    """
+    """Sum ``(sin r - r)/r^3`` for ``y = r^2 <= 1``, even and odd terms apart for speed."""
     z = y * y
     return y * (
         1.0 / 120 + z * (1.0 / 362880 + z * (1.0 / 6227020800 + z * (1.0 / 355687428096000)))
@@ -59,20 +46,7 @@ def sine_series(y: float) -> float:
 
 @kernel
 def sine_cosine(x: float) -> tuple[float, float]:
-    """
-    Sine and cosine.
-
-    Parameters
-    ----------
-    x : float
-        Angle [rad], ``|x| < 1e6``.
-
-    Returns
-    -------
-    tuple of float
-        ``sin x`` and ``cos x`` [1].
-
-    """
+    """Return ``sin x`` and ``cos x`` of an angle [rad] with ``|x| < 1e6``."""
     k = np.rint(x * (2.0 / math.pi))
     r = ((x - k * HALF_PI_1) - k * HALF_PI_2) - k * HALF_PI_3
     y = r * r
@@ -99,20 +73,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 @kernel
 def arctangent(x: float) -> float:
-    """
-    Inverse tangent.
-
-    Parameters
-    ----------
-    x : float
-        Any number [1].
-
-    Returns
-    -------
-    float
-        ``atan x`` [rad], by Newton's method on ``sin y = x cos y``.
-
-    """
+    """Return ``atan x`` [rad], by Newton's method on ``sin y = x cos y``."""
     steep = abs(x) > 1.0
     slope = 1.0 / x if steep else x
     y = slope / (1.0 + 0.28 * slope * slope)
@@ -127,22 +88,7 @@ def arctangent(x: float) -> float:
 
 @kernel
 def sine_defect(d: float, sine: float) -> float:
-    """
-    Sine minus its argument, without cancellation.
-
-    Parameters
-    ----------
-    d : float
-        Angle [rad], not negative.
-    sine : float
-        ``sin d`` [1].
-
-    Returns
-    -------
-    float
-        ``sin d - d`` [1].
-
-    """
+    """Return ``sin d - d`` for d >= 0 [rad] without cancellation, given ``sin d``."""
     if d > 1.0:
         return sine - d
     y = d * d
@@ -151,26 +97,13 @@ def sine_defect(d: float, sine: float) -> float:
 
 @kernel
 def power_of_two(k: int) -> float:
-    """Two to the power of k, from -1022 to 1023."""
+    """Return two to the power of k, from -1022 to 1023."""
     return np.int64((k + 1023) << 52).view(np.float64)
 
 
 @kernel
 def exp_minus(x: float) -> float:
-    """
-    Decaying exponential.
-
-    Parameters
-    ----------
-    x : float
-        Exponent [1], from -700 on.
-
-    Returns
-    -------
-    float
-        ``exp(-x)`` [1].
-
-    """
+    """Return ``exp(-x)`` for x from -700 on."""
     if x > EXP_UNDERFLOW:
         return 0.0
     k = np.rint(x * INVERSE_LN2)
@@ -186,20 +119,7 @@ def exp_minus(x: float) -> float:
 
 @kernel
 def logarithm(x: float) -> float:
-    """
-    Natural logarithm.
-
-    Parameters
-    ----------
-    x : float
-        Any number [1].
-
-    Returns
-    -------
-    float
-        ``ln x`` [1], -inf at zero, nan below it.
-
-    """
+    """Return ``ln x``, -inf at zero and nan below it."""
     if not 0.0 < x < math.inf:
         return x if x > 0.0 else -math.inf if x == 0.0 else math.nan
     k = 0
@@ -224,20 +144,7 @@ def logarithm(x: float) -> float:
 
 @kernel
 def length(x: float, y: float) -> float:
-    """
-    Length of a vector, where its square would overflow or vanish too.
-
-    Parameters
-    ----------
-    x, y : float
-        Its components [1].
-
-    Returns
-    -------
-    float
-        ``sqrt(x^2 + y^2)`` [1].
-
-    """
+    """Return ``sqrt(x^2 + y^2)``, where the square would overflow or vanish too."""
     square = x * x + y * y
     if 1e-280 < square < math.inf:
         return math.sqrt(square)
@@ -250,20 +157,7 @@ def length(x: float, y: float) -> float:
 
 @kernel
 def relaxation_series(x: float) -> float:
-    """
-    Sum the series of ``(exp(-x) - 1 + x)/x^2``, even and odd terms apart for speed.
-
-    Parameters
-    ----------
-    x : float
-        From 0 to 1 [1].
-
-    Returns
-    -------
-    float
-        ``1/2! - x/3! + x^2/4! - ...`` [1].
-
-    """
+    """Sum ``(exp(-x) - 1 + x)/x^2`` for x in [0, 1], even and odd terms apart for speed."""
     y = x * x
     return (
         1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
@@ -278,21 +172,9 @@ def relaxation_series(x: float) -> float:
 @kernel
 def relaxation(d: float, beta: float) -> tuple[float, float, float]:
     """
-    Three functions of damped free motion, regular at ``beta = 0``.
+    Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``.
 
-    Parameters
-    ----------
-    d : float
-        Duration [1], not negative.
-    beta : float
-        Damping [1], not negative.
-
-    Returns
-    -------
-    tuple of float
-        ``E = exp(-beta d)``, ``B = (1 - E)/beta`` (the integral of E) and
-        ``C = (d - B)/beta`` (the integral of B), all [1].
-
+    B is the integral of E over the duration d >= 0, C that of B; all are regular at ``beta = 0``.
     """
     x = beta * d
     if x < 1.0:

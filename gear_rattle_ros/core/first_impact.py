@@ -35,23 +35,10 @@ FAINTEST: Final = 1e-300
 def force_zero_delay(phase: float, near: float, alpha: float, beta: float,
                      gamma: float) -> float:
     """
-    Time until the force on a mass at rest, ``a(tau, 0)``, changes its sign.
+    Return the time [1] until ``a(tau, 0)`` changes its sign, a drive period where it never does.
 
-    Parameters
-    ----------
-    phase : float
-        Drive phase now [rad].
-    near : float
-        A zero that is no farther than this is passed already, but for rounding [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    float
-        To the next zero of ``gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)`` [1]; a drive
-        period where there is none.
-
+    It is ``gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)``; a zero that is no farther than
+    `near` is passed already, but for rounding.
     """
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
     if abs(gamma) >= amplitude:
@@ -66,39 +53,13 @@ def force_zero_delay(phase: float, near: float, alpha: float, beta: float,
 
 @kernel
 def middle(a: float, b: float) -> float:
-    """
-    Halve an interval of positive times: its logarithm first, for floats are dense near zero.
-
-    Parameters
-    ----------
-    a, b : float
-        Ends [1], ``0 < a < b``.
-
-    Returns
-    -------
-    float
-        A time from a to b [1].
-
-    """
+    """Halve an interval ``0 < a < b``, its logarithm first: floats are dense near zero."""
     return math.sqrt(a) * math.sqrt(b) if b > 2.0 * a else 0.5 * (a + b)
 
 
 @kernel
 def wall_reached(s0: float, moved: float) -> int:
-    """
-    Tell which wall has been reached or passed.
-
-    Parameters
-    ----------
-    s0, moved : float
-        Where the flight began, and the displacement since then [1].
-
-    Returns
-    -------
-    int
-        UPPER, LOWER or NO_WALL.
-
-    """
+    """Return the wall that has been reached or passed, NO_WALL for none."""
     if -s0 - moved <= 0.0:
         return UPPER
     return LOWER if 1.0 + s0 + moved <= 0.0 else NO_WALL
@@ -108,31 +69,12 @@ def wall_reached(s0: float, moved: float) -> int:
 def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: float,
               gamma: float) -> tuple[float, float, int, int]:
     """
-    Go on to the first impact or to the next zero of the force, whichever is first.
+    Go on from time d to the first impact or to the next zero of the force, whichever is first.
 
     Until that zero ``exp(beta t) v`` is monotone, for its derivative is ``exp(beta t) a(tau, 0)``:
-    the mass turns once at the most, and on either side of that its displacement is monotone.
-
-    Parameters
-    ----------
-    d : float
-        Time since the flight began up to which there is no impact [1], positive.
-    phase, s0, v0 : float
-        Where the flight began [rad, 1, 1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    step : float
-        From d to that moment [1].
-    speed : float
-        Towards the wall at an impact [1], positive.
-    wall : int
-        UPPER or LOWER at an impact, else NO_WALL.
-    evaluations : int
-        Of the flight.
-
+    the mass turns once at the most, and on either side of that its displacement is monotone. It
+    returns the step from d [1], the speed towards the wall at an impact [1], the wall (NO_WALL at
+    a zero), and how often the flight was evaluated.
     """
     sin_p, cos_p = sine_cosine(phase)
     near = 1e-14 + 1e-15 * d
@@ -182,35 +124,12 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
 def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
                   alpha: float, beta: float, gamma: float) -> tuple[float, int, float, int]:
     """
-    Go forward in flight up to the first impact.
+    Go forward in flight from time d to the first impact, or at least to `d_stop`.
 
     Every step is one in which neither wall can be reached, so no impact is ever missed. A search
-    that is stopped and taken up again makes the same steps.
-
-    Parameters
-    ----------
-    d : float
-        Time since the flight began up to which there is no impact [1]; 0 or a result of this.
-    effort : int
-        Evaluations of the flight that took, 0 or a result of this.
-    d_stop : float
-        Stop at the first step that ends here or later [1].
-    phase, s0, v0 : float
-        Where the flight began [rad, 1, 1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    d : float
-        The time of the impact, or one before which there is none [1].
-    effort : int
-        Evaluations of the flight since it began.
-    velocity : float
-        Velocity then [1].
-    wall : int
-        UPPER or LOWER at an impact, NO_WALL where there is none yet.
-
+    that is stopped and taken up again with its d and `effort` makes the same steps. It returns the
+    time [1], the evaluations of the flight since it began, the velocity [1], and the wall, NO_WALL
+    where there is no impact yet.
     """
     sin_p, cos_p = sine_cosine(phase)
     if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):

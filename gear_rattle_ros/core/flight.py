@@ -40,25 +40,10 @@ CLEARANCE = 1e-9
 def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta: float,
              gamma: float) -> tuple[float, float, float, float]:
     """
-    Closed-form flight, eqs. (4)-(5).
+    Return displacement, velocity, sine and cosine of the phase after a time d, eqs. (4)-(5).
 
-    Parameters
-    ----------
-    d : float
-        Time since the flight began [1], 0 to about 1e6.
-    sin_p, cos_p : float
-        Of the phase at which it began [1].
-    v0 : float
-        Velocity at its beginning [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    tuple of float
-        Displacement since the beginning, velocity, and sine and cosine of the phase [1]. Where d
-        is small the displacement is good to a relative accuracy, as chatter needs.
-
+    The displacement is counted from the beginning of the flight [1]. Where d is small it is good
+    to a relative accuracy, as chatter needs; d is at most about 1e6.
     """
     decay, integral, second = relaxation(d, beta)
     sin_half, cos_half = sine_cosine(0.5 * d)
@@ -78,22 +63,9 @@ def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta
 def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
                  gamma: float) -> tuple[float, float]:
     """
-    Closed-form flight over a leg of whole drive periods: the drive is where it was, exactly.
+    Return displacement and velocity after a leg of whole drive periods, eqs. (4)-(5).
 
-    Parameters
-    ----------
-    cos_p : float
-        Of the phase at which the leg began [1].
-    v0 : float
-        Velocity at its beginning [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    tuple of float
-        Displacement since the beginning, and velocity [1].
-
+    The drive is where it was, exactly; the displacement is counted from the beginning of the leg.
     """
     decay, integral, second = relaxation(LEG, beta)
     moved = (v0 - alpha * cos_p) * integral + gamma * second
@@ -104,22 +76,9 @@ def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
 def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, beta: float,
                 gamma: float) -> bool:
     """
-    Tell whether a leg cannot come near a wall, from bounds on each term of the closed form.
+    Whether a leg cannot come near a wall, from bounds on each term of the closed form.
 
-    Parameters
-    ----------
-    sin_p, cos_p : float
-        Of the phase at which the leg begins [1].
-    s0, v0 : float
-        Displacement and velocity at its beginning [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    bool
-        True if it cannot; a leg without an impact may be near enough to make it False.
-
+    A leg without an impact may be near enough to make it False.
     """
     _, integral, second = relaxation(LEG, beta)
     # s(d) = s0 - alpha sin p + alpha sin(p + d) + (v0 - alpha cos p) B(d) + gamma C(d).
@@ -134,45 +93,17 @@ def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, 
 @kernel
 def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta: float,
                  gamma: float) -> float:
-    """
-    Acceleration a(tau, v) in flight, eq. (2).
-
-    Parameters
-    ----------
-    sin_p, cos_p : float
-        Of the drive phase [1].
-    velocity : float
-        Velocity [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    float
-        ``s''`` [1].
-
-    """
+    """Return the acceleration ``s'' = a(tau, v)`` in flight, eq. (2)."""
     return alpha * (beta * cos_p - sin_p) + (gamma - beta * velocity)
 
 
 @kernel
 def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: float) -> float:
     """
-    Time for which a mass that leaves a wall from rest certainly meets neither wall.
+    Return a time [1] for which a mass that leaves a wall from rest certainly meets neither wall.
 
-    Parameters
-    ----------
-    sin_p, cos_p : float
-        Of the drive phase [1], at which the force is away from the wall, or zero but for rounding.
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    float
-        A duration [1]: off this wall by the acceleration or, at a release where that vanishes, by
-        the jerk; and not at the other one yet.
-
+    The force is away from the wall, or zero but for rounding. The mass gets off this wall by the
+    acceleration or, at a release where that vanishes, by the jerk; it is not at the other one yet.
     """
     force = acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
     relax = abs(gamma + beta * alpha * cos_p)
@@ -188,22 +119,10 @@ def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: floa
 def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: float,
                gamma: float) -> bool:
     """
-    Tell whether a mass at rest on a wall is pressed against it.
+    Whether a mass at rest on a wall (+1 for the upper, -1 for the lower) is pressed against it.
 
-    Parameters
-    ----------
-    towards : float
-        +1 for the upper wall, -1 for the lower.
-    sin_p, cos_p : float
-        Of the drive phase [1].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    bool
-        By the sign of a(tau, 0), of its derivative where that is zero; no force presses.
-
+    The sign of a(tau, 0) decides, that of its derivative where it is zero; where no force acts at
+    all, the mass is pressed.
     """
     force = towards * acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
     if force != 0.0:
@@ -215,23 +134,10 @@ def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: f
 def release_delay(towards: float, phase: float, alpha: float, beta: float,
                   gamma: float) -> float:
     """
-    Time until a mass that rests on a wall leaves it.
+    Return the time [1] until a mass leaves the wall it rests on, inf where it never does.
 
-    Parameters
-    ----------
-    towards : float
-        +1 for the upper wall, -1 for the lower.
-    phase : float
-        Drive phase now [rad].
-    alpha, beta, gamma : float
-        Parameters [1].
-
-    Returns
-    -------
-    float
-        To the next zero of ``a(tau, 0) = gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)``
-        in the leaving direction [1], inf where there is none.
-
+    That is at the next zero of ``a(tau, 0) = gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)``
+    in the leaving direction.
     """
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
     # So close to never leaving, the speed gained is far below that at which it sticks again.
@@ -249,22 +155,7 @@ def release_delay(towards: float, phase: float, alpha: float, beta: float,
 
 @kernel
 def later(phase: float, d: float) -> tuple[int, float]:
-    """
-    Drive phase after a time, to the rounding of that time.
-
-    Parameters
-    ----------
-    phase : float
-        Phase [rad], in [0, 2 pi).
-    d : float
-        Time [1], not negative.
-
-    Returns
-    -------
-    tuple
-        Whole drive periods passed, and the phase in [0, 2 pi) [rad].
-
-    """
+    """Return the drive periods passed and the phase [rad] after a time d, to d's rounding."""
     total = phase + d
     if total < TWO_PI:
         return 0, total
@@ -283,22 +174,7 @@ def later(phase: float, d: float) -> tuple[int, float]:
 
 @kernel
 def elapsed(cycles: int, phase_from: float, phase_to: float) -> float:
-    """
-    Time between two moments.
-
-    Parameters
-    ----------
-    cycles : int
-        Whole drive periods between them.
-    phase_from, phase_to : float
-        Their phases [rad].
-
-    Returns
-    -------
-    float
-        ``2 pi cycles + phase_to - phase_from`` [1].
-
-    """
+    """Return the time ``2 pi cycles + phase_to - phase_from`` [1] between two moments."""
     return cycles * TWO_PI + (phase_to - phase_from)
 
 
@@ -306,27 +182,10 @@ def elapsed(cycles: int, phase_from: float, phase_to: float) -> float:
 def rebound(velocity: float, towards: float, phase: float, alpha: float, beta: float,
             gamma: float, restitution: float, kick: float) -> float:
     """
-    Velocity after an impact, eq. (6).
+    Return the velocity after an impact, eq. (6): ``-r v`` plus the kick, or 0 where it sticks.
 
-    Parameters
-    ----------
-    velocity : float
-        Just before [1].
-    towards : float
-        +1 for the upper wall, -1 for the lower.
-    phase : float
-        Drive phase [rad].
-    alpha, beta, gamma, restitution : float
-        Parameters [1].
-    kick : float
-        Random change of velocity [1], 0 without noise; a mass never goes through the wall.
-
-    Returns
-    -------
-    float
-        ``-r v`` plus the kick, or 0 where the mass sticks: so slow, with ``r < 1``, on a wall
-        against which it is pressed [1].
-
+    It sticks where that is so slow, with ``r < 1``, on a wall against which the mass is pressed; a
+    kick never sends it through the wall. `towards` is +1 at the upper wall, -1 at the lower.
     """
     after = -restitution * velocity
     if kick != 0.0:

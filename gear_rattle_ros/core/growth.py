@@ -21,20 +21,7 @@ LARGE: Final = 1e60
 
 @kernel
 def largest_singular(a: float, b: float, c: float, d: float) -> float:
-    """
-    Find by how much a 2 x 2 matrix stretches a vector at the most.
-
-    Parameters
-    ----------
-    a, b, c, d : float
-        The matrix, row by row.
-
-    Returns
-    -------
-    float
-        Its largest singular value.
-
-    """
+    """Return the largest singular value of a 2 x 2 matrix, given row by row."""
     return 0.5 * (length(a + d, b - c) + length(a - d, b + c))
 
 

@@ -148,29 +148,9 @@ def returns(  # type: ignore[no-untyped-def]
     """
     Map points of the unstable manifold on and find their farthest return.
 
-    Parameters
-    ----------
-    places : ndarray of float, shape (n,)
-        Where they begin, in periods of the saddle [1].
-    seed : float
-        Distance from the saddle at place 0 [1].
-    wall, period : int
-        Wall of the saddle's first impact, and its impacts.
-    point, unstable : ndarray of float, shape (2,)
-        The saddle and its unstable direction.
-    rows : ndarray of float, shape (2, 2)
-        Rows that give the coordinates.
-    expansion : float
-        Its multiplier [1].
-    impacts : int
-        How far to map.
-    alpha, beta, gamma, restitution : float
-        Parameters [1].
-    distances : ndarray of float, shape (n,)
-        Receives the distance beyond the stable manifold [1], NEVER without a return.
-    numbers : ndarray of int, shape (n,)
-        Receives the number of the impact.
-
+    Places are in periods of the saddle [1] from the distance `seed` on. `distances` receives how
+    far beyond the stable manifold they come [1], NEVER without a return, and `numbers` after how
+    many impacts.
     """
     entered = np.empty(period, np.int64)
     crossed = np.empty(period)

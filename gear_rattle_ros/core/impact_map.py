@@ -13,27 +13,10 @@ from .model import STICKING_SPEED
 def next_impact(  # type: ignore[no-untyped-def]
         wall, phase, velocity, alpha, beta, gamma, restitution):
     """
-    Go from one impact to the next.
+    Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1].
 
-    Parameters
-    ----------
-    wall : int
-        UPPER or LOWER.
-    phase, velocity : float
-        Of the impact, just before it [rad, 1].
-    alpha, beta, gamma, restitution : float
-        Parameters [1].
-
-    Returns
-    -------
-    wall : int
-        Of the next impact; NO_WALL where the mass sticks first or meets none in 64 drive periods:
-        there the map is not smooth, or not defined.
-    cycles : int
-        Whole drive periods passed.
-    phase, velocity, duration : float
-        Of the next impact, just before it, and the flight to it [rad, 1, 1].
-
+    The wall is NO_WALL where the mass sticks first or meets none in 64 drive periods: there the
+    map is not smooth, or not defined. Phases are in rad, velocities just before an impact [1].
     """
     towards = 1.0 if wall == UPPER else -1.0
     after = -restitution * velocity
@@ -51,24 +34,9 @@ def next_impact(  # type: ignore[no-untyped-def]
 def derivatives(  # type: ignore[no-untyped-def]
         phase, velocity, d, phase_next, velocity_next, alpha, beta, gamma, restitution):
     """
-    Differentiate the phase and velocity of an impact by those of the one before, and by alpha.
+    Differentiate an impact by the phase and velocity of the one before, and by alpha.
 
-    Parameters
-    ----------
-    phase, velocity : float
-        Of the first impact [rad, 1].
-    d : float
-        Flight time [1].
-    phase_next, velocity_next : float
-        Of the second impact [rad, 1], whose velocity is not zero.
-    alpha, beta, gamma, restitution : float
-        Parameters [1].
-
-    Returns
-    -------
-    tuple of float
-        Derivatives of the phase by phase, velocity and alpha, then those of the velocity [1].
-
+    The derivatives of its phase come first, then those of its velocity, which is not zero.
     """
     decay, integral, _ = relaxation(d, beta)
     sine, cosine = sine_cosine(phase)
@@ -96,28 +64,10 @@ def derivatives(  # type: ignore[no-untyped-def]
 def shoot(  # type: ignore[no-untyped-def]
         walls, points, alpha, beta, gamma, restitution, defects, jacobian, times):
     """
-    Map every impact of a closed sequence on, and compare with the next one.
+    Map every impact of a closed sequence on; False where a flight ends at another wall.
 
-    Parameters
-    ----------
-    walls : ndarray of int, shape (q,)
-        Walls of the impacts, in order; the first follows the last.
-    points : ndarray of float, shape (q, 2)
-        Their phases and velocities [rad, 1].
-    alpha, beta, gamma, restitution : float
-        Parameters [1].
-    defects : ndarray of float, shape (2 q,)
-        Receives what is missing to a periodic orbit [rad, 1].
-    jacobian : ndarray of float, shape (2 q, 2 q + 1)
-        Receives the derivatives of `defects` by `points` and alpha.
-    times : ndarray of float, shape (q,)
-        Receives the flight time from each impact to the next [1].
-
-    Returns
-    -------
-    bool
-        Whether every flight ends at the wall that comes next.
-
+    `defects` receives what is missing to a periodic orbit [rad, 1], `jacobian` its derivatives by
+    the points and, in the last column, by alpha, and `times` the flight times [1].
     """
     q = len(walls)
     jacobian[:] = 0.0

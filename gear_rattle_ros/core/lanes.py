@@ -118,17 +118,7 @@ def new_impacts(steps: int) -> LaneArray:
 
 @kernel
 def evaluate(tile, i):  # type: ignore[no-untyped-def]
-    """
-    Evaluate the flight of a lane at the duration up to which it is known.
-
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place.
-    i : int
-        The lane.
-
-    """
+    """Evaluate the flight of a lane at the duration up to which it is known."""
     sine, cosine = sine_cosine(tile.phase[i])
     tile.sine[i] = sine
     tile.cosine[i] = cosine
@@ -143,17 +133,7 @@ def evaluate(tile, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def settle(tile, i):  # type: ignore[no-untyped-def]
-    """
-    See a lane off whose flight begins: it may rest on a wall first, or for ever.
-
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place; the flight of the lane begins, its duration is zero.
-    i : int
-        The lane.
-
-    """
+    """See a lane off whose flight begins: it may rest on a wall first, or for ever."""
     on_upper = tile.displacement[i] == 0.0
     at_rest = tile.velocity[i] == 0.0 and (on_upper or tile.displacement[i] == -1.0)
     # A lane that is parked keeps its state at the impact, for it may go on with other parameters.
@@ -180,21 +160,10 @@ def settle(tile, i):  # type: ignore[no-untyped-def]
 @kernel
 def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[no-untyped-def]
     """
-    Begin a flight in a lane, with the parameters that stand in it.
+    Begin a flight in a lane from a state [1, rad, 1, 1], with the parameters that stand in it.
 
-    To go on with a parked lane, give it the state in which it stands.
-
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place.
-    i : int
-        The lane.
-    cycle, phase, displacement, velocity : int, float, float, float
-        The state [1, rad, 1, 1]; the displacement is between the walls.
-    left : float
-        Impacts to be made before the lane parks; inf for no limit.
-
+    The lane parks after `left` impacts, never for inf. To go on with a parked lane, give it the
+    state in which it stands.
     """
     tile.cycle[i] = cycle
     tile.phase[i] = phase
@@ -209,17 +178,7 @@ def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[
 
 @kernel
 def release(tile, i):  # type: ignore[no-untyped-def]
-    """
-    Free a lane whose trajectory is done with.
-
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place.
-    i : int
-        The lane.
-
-    """
+    """Free a lane whose trajectory is done with."""
     tile.start[i] = EMPTY
     tile.left[i] = 0.0
 
@@ -227,24 +186,9 @@ def release(tile, i):  # type: ignore[no-untyped-def]
 @kernel
 def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
     """
-    Put the next starts into the free lanes.
+    Put the starts from `following` on into the free lanes; return the first that is left.
 
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place.
-    starts : ndarray of START
-        All starts of this tile.
-    following : int
-        The first start that has not been given to a lane.
-    left : float
-        Impacts to be made before a lane parks; inf for no limit.
-
-    Returns
-    -------
-    int
-        `following` after that; every start is given out once, in order.
-
+    Every start is given out once, in order; its lane parks after `left` impacts, never for inf.
     """
     for i in range(LANES):
         if following == len(starts):
@@ -264,20 +208,7 @@ def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
 
 @kernel
 def is_busy(tile):  # type: ignore[no-untyped-def]
-    """
-    Tell whether any lane carries a start.
-
-    Parameters
-    ----------
-    tile : TILE record
-        The tile.
-
-    Returns
-    -------
-    bool
-        Whether it does; the lane may have parked or ended.
-
-    """
+    """Whether any lane carries a start; it may have parked or ended."""
     for i in range(LANES):
         if tile.start[i] != EMPTY:
             return True
@@ -286,22 +217,7 @@ def is_busy(tile):  # type: ignore[no-untyped-def]
 
 @kernel
 def floats(tile, i):  # type: ignore[no-untyped-def]
-    """
-    Tell whether the flight that begins in a lane certainly never meets a wall.
-
-    Parameters
-    ----------
-    tile : TILE record
-        The tile.
-    i : int
-        The lane.
-
-    Returns
-    -------
-    bool
-        Whether the drive and the rest of the free motion both end between the walls.
-
-    """
+    """Whether the drive and the rest of the free motion of a lane both end between the walls."""
     if tile.gamma[i] != 0.0:
         return False
     alpha = tile.alpha[i]
@@ -317,18 +233,10 @@ def floats(tile, i):  # type: ignore[no-untyped-def]
 @kernel
 def attend(tile, i):  # type: ignore[no-untyped-def]
     """
-    Do for a lane what the vector loop leaves out.
+    Do for a lane, just after `step`, what the vector loop leaves out.
 
     That is sticking and grazing, flights of ``beta d >= 1``, flights so long that they are
     continued from a fresh start, steps that crawl, and searches that take too long.
-
-    Parameters
-    ----------
-    tile : TILE record
-        Just after `step`; changed in place.
-    i : int
-        The lane.
-
     """
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
@@ -372,25 +280,12 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
 @kernel
 def advance(tile, impacts, steps):  # type: ignore[no-untyped-def]
     """
-    Take every lane of a tile a number of steps forward.
+    Take every lane of a tile a number of steps forward, each an impact at the most.
 
-    Parameters
-    ----------
-    tile : TILE record
-        Changed in place; `count` tells how many impacts every lane has made in this call. A lane
-        stops for good when its trajectory ends (`end`), and parks just after the impact with
-        which it has none `left`.
-    impacts : ndarray of IMPACT, shape (LANES, room)
-        Receives them, a row for each lane; `room` is more than `steps`.
-        NO_IMPACTS to write nothing.
-    steps : int
-        How many steps; each is an impact at the most.
-
-    Raises
-    ------
-    ValueError
-        If there is no room.
-
+    `count` says how many impacts every lane has made in this call. A lane stops for good when its
+    trajectory ends (`end`), and parks just after the impact with which it has none `left`.
+    `impacts` receives them, a row for each lane, and has to be longer than `steps` (else
+    ValueError); NO_IMPACTS keeps none.
     """
     room = impacts.shape[1]
     if impacts.shape[0] != LANES or 0 < room <= steps:

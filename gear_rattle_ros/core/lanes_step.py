@@ -216,20 +216,7 @@ def fly(t, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def step(t):  # type: ignore[no-untyped-def]
-    """
-    Take every lane of a tile one step forward, through an impact where there is one.
-
-    Parameters
-    ----------
-    t : TILE record
-        Changed in place.
-
-    Returns
-    -------
-    int
-        How many lanes need the scalar path.
-
-    """
+    """Take every lane one step forward, impacts included; return how many need the scalar path."""
     prefer_wide_vectors()
     # Short loops: the processor then works on several lanes' chains of operations at once.
     for i in range(LANES):

@@ -111,17 +111,7 @@ class LyapunovReport:
 
 @kernel
 def add(total, x):  # type: ignore[no-untyped-def]
-    """
-    Add to a compensated sum (Neumaier 1974).
-
-    Parameters
-    ----------
-    total : ndarray of float, shape (2,)
-        Sum and what rounding has taken from it; changed in place.
-    x : float
-        The summand.
-
-    """
+    """Add to a compensated sum (Neumaier 1974), a pair with what rounding has taken from it."""
     fresh = total[0] + x
     if abs(total[0]) >= abs(x):
         total[1] += (total[0] - fresh) + x
@@ -140,7 +130,7 @@ def momentum(event, at):  # type: ignore[no-untyped-def]
 
 @kernel
 def has_stuck(before, event):  # type: ignore[no-untyped-def]
-    """Tell whether the mass has been at rest on a wall from one event to the next."""
+    """Whether the mass has been at rest on a wall from one event to the next."""
     if event.kind == RELEASE or before.kind == STICK:
         return True
     on_wall = before.displacement == 0.0 or before.displacement == -1.0
@@ -199,15 +189,7 @@ def restart(estimate, event):  # type: ignore[no-untyped-def]
 
 @kernel
 def set_identity(basis):  # type: ignore[no-untyped-def]
-    """
-    Forget the tangent vectors.
-
-    Parameters
-    ----------
-    basis : ndarray of float, shape (4,)
-        Two orthonormal vectors, one after the other; changed in place.
-
-    """
+    """Forget the tangent vectors."""
     basis[0] = 1.0
     basis[1] = 0.0
     basis[2] = 0.0
@@ -217,18 +199,9 @@ def set_identity(basis):  # type: ignore[no-untyped-def]
 @kernel
 def orthonormalise(basis):  # type: ignore[no-untyped-def]
     """
-    QR-decompose the tangent vectors in place (Gram-Schmidt).
+    QR-decompose two tangent vectors in place (Gram-Schmidt).
 
-    Parameters
-    ----------
-    basis : ndarray of float, shape (4,)
-        Two vectors, one after the other.
-
-    Returns
-    -------
-    tuple of float
-        The diagonal of R, both not negative [1]; no numbers where the vectors are none.
-
+    It returns the diagonal of R, not negative [1]; no numbers where the vectors are none.
     """
     first = length(basis[0], basis[1])
     if not 0.0 < first < math.inf:
@@ -250,17 +223,7 @@ def count_impact(  # type: ignore[no-untyped-def]
     """
     Enter the growth of both tangent vectors over one impact.
 
-    Parameters
-    ----------
-    estimate : ESTIMATE record
-        Changed in place.
-    ring, marks : ndarray of float and int, shape (window,)
-        The last growth rates, and the retunes before the flight of each; changed in place.
-    growth_1, growth_2 : float
-        Logarithms of the diagonal of R [1].
-    exact : float
-        Their sum by the determinants [1].
-
+    That is the logarithms of the diagonal of R, and their exact sum by the determinants [1].
     """
     e = estimate
     place = e.ringed % len(ring)
@@ -298,17 +261,8 @@ def follow(estimate, ring, marks, last, events):  # type: ignore[no-untyped-def]
     """
     Carry the tangent vectors through a stretch of events without a hole.
 
-    Parameters
-    ----------
-    estimate : ESTIMATE record
-        Changed in place.
-    ring, marks : ndarray of float and int, shape (window,)
-        The last growth rates, and the retunes before the flight of each; changed in place.
-    last : ndarray of EVENT, shape (1,)
-        The event before; changed in place to the last of these.
-    events : ndarray of EVENT, shape (n,)
-        The stretch.
-
+    `last` is the event before and becomes the last of these; `ring` and `marks` keep the last
+    growth rates and the retunes before the flight of each.
     """
     e = estimate
     basis = e.basis

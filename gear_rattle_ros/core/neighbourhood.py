@@ -20,20 +20,10 @@ HALVINGS: Final = 14
 
 def attracted(orbit: Orbit, tolerance: float) -> FloatArray:
     """
-    Find by trial, at some points, an ellipse that one period takes into itself.
+    Find by trial, at some points of a stable orbit, an ellipse that one period maps into itself.
 
-    Parameters
-    ----------
-    orbit : Orbit
-        A stable orbit that does not stick.
-    tolerance : float
-        Farthest from the orbit that anything in the ellipse may come within a period [1].
-
-    Returns
-    -------
-    ndarray of float, shape (q, 3)
-        Quadratic form at every point, at most 1 in the ellipse; inf where none was found or tried.
-
+    It returns a quadratic form for every point, at most 1 in the ellipse, inf where none was found
+    or tried. Within a period nothing in it comes farther from the orbit than the tolerance [1].
     """
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     assert shot is not None

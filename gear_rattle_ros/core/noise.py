@@ -10,20 +10,7 @@ from .elementary import logarithm, sine_cosine, TWO_PI
 
 @kernel
 def mixed(word: int) -> int:
-    """
-    Mix the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014).
-
-    Parameters
-    ----------
-    word : uint64
-        A counter.
-
-    Returns
-    -------
-    uint64
-        64 bits that look random.
-
-    """
+    """Mix the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014)."""
     word = np.uint64(word)
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -32,22 +19,7 @@ def mixed(word: int) -> int:
 
 @kernel
 def gaussian(seed: int, index: int) -> float:
-    """
-    Draw the standard normal number that belongs to a seed and an impact (Box-Muller).
-
-    Parameters
-    ----------
-    seed : uint64
-        Seed of the run.
-    index : int
-        Number of the impact; each has a draw of its own, whatever came before.
-
-    Returns
-    -------
-    float
-        A normal deviate [1].
-
-    """
+    """Draw the standard normal number of a seed and an impact's number alone (Box-Muller)."""
     golden = np.uint64(0x9E3779B97F4A7C15)
     counter = mixed(np.uint64(seed) + golden) + np.uint64(2 * index) * golden
     first = mixed(counter)

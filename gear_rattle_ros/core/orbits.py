@@ -210,7 +210,7 @@ class TransientReport:
 
 @kernel
 def rests_for_ever(event):  # type: ignore[no-untyped-def]
-    """Tell whether the mass is, after an event, at rest on a wall that it never leaves."""
+    """Whether the mass is, after an event, at rest on a wall that it never leaves."""
     upper = event.displacement == 0.0
     if event.velocity_after != 0.0 or not (upper or event.displacement == -1.0):
         return False
@@ -223,7 +223,7 @@ def rests_for_ever(event):  # type: ignore[no-untyped-def]
 
 @kernel
 def is_small_step(a, b, tolerance):  # type: ignore[no-untyped-def]
-    """Tell whether no parameter of two events differs by more than the tolerance."""
+    """Whether no parameter of two events differs by more than the tolerance."""
     return (abs(a.alpha - b.alpha) <= tolerance and abs(a.beta - b.beta) <= tolerance
             and abs(a.gamma - b.gamma) <= tolerance
             and abs(a.restitution - b.restitution) <= tolerance)
@@ -259,29 +259,11 @@ def restart(watch):  # type: ignore[no-untyped-def]
 def watch_events(  # type: ignore[no-untyped-def]
         watch, history, orbit, last, events, tolerance):
     """
-    Look at events until something is to be said.
+    Look at events, a stretch without a hole, until something is to be said.
 
-    Parameters
-    ----------
-    watch : WATCH record
-        Changed in place.
-    history : ndarray of SECTION, shape (HISTORY,)
-        The last impacts; changed in place.
-    orbit : ndarray of SECTION, shape (q,)
-        The orbit that the trajectory is on, if it is on one, from impact `base` on.
-    last : ndarray of EVENT, shape (1,)
-        The event before; changed in place to the last one looked at.
-    events : ndarray of EVENT, shape (n,)
-        A stretch without a hole.
-    tolerance : float
-        Largest distance of a recurrence [1].
-
-    Returns
-    -------
-    tuple of int
-        How many events were looked at, what is to be said (NOTHING to GROWN), and the period of
-        a candidate, also of one that holds where an orbit is left.
-
+    It returns how many were looked at, what is to be said (NOTHING to GROWN), and the period of a
+    candidate, also of one that holds where an orbit is left. `last` becomes the last one looked
+    at; `orbit` is the one that the trajectory is on, if any, from impact `base` on.
     """
     w = watch
     for i in range(len(events)):

@@ -16,24 +16,7 @@ from .section import shortest_recurrence
 
 @kernel
 def last_sticks(row, restitution, alpha, beta, gamma, wall):  # type: ignore[no-untyped-def]
-    """
-    Find the last two impacts at which the mass sticks to a wall.
-
-    Parameters
-    ----------
-    row : ndarray of IMPACT, shape (m,)
-        Successive impacts.
-    restitution, alpha, beta, gamma : float
-        Parameters [1].
-    wall : int
-        The wall.
-
-    Returns
-    -------
-    tuple of int
-        Their places in the row, -1 for none.
-
-    """
+    """Return the places of the last two impacts that stick to a wall, -1 for none."""
     last = -1
     for k in range(len(row) - 1, -1, -1):
         velocity = row[k].velocity

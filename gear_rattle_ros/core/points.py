@@ -152,20 +152,7 @@ def decode_points(fields: Iterable[Field], count: int, step: int, is_bigendian: 
 
 
 def check_events(events: EventArray) -> None:
-    """
-    Refuse records that no simulator writes.
-
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        The records.
-
-    Raises
-    ------
-    ValueError
-        Naming the first bad value.
-
-    """
+    """Raise a ValueError that names the first value that no simulator writes."""
     if not len(events):
         return
     for name, low, high in (

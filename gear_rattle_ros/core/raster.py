@@ -55,25 +55,10 @@ def fill(  # type: ignore[no-untyped-def]
         tile, impacts, starts, skip, keep, low, high, counts, growth, times, vectors, moments,
         made):
     """
-    Follow trajectories and count their impact velocities.
+    Follow trajectories and fill in what `Counted` has, from the impact number `skip` on.
 
-    Parameters
-    ----------
-    tile : TILE record
-        With every lane free.
-    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
-        Room to work in.
-    starts : ndarray of START, shape (n,)
-        Where they are.
-    skip, keep : int
-        Impacts over which the tangent vectors turn, then those that are counted.
-    low, high : float
-        Velocities between which the bins lie [1].
-    counts, growth, times : ndarray
-        Receive what `Counted` has.
-    vectors, moments, made : ndarray, shape (n, 2), (n, 2), (n,)
-        Room to work in: tangent vectors, (cycle, phase) of the last impacts, impacts made.
-
+    Before that the tangent vectors turn. The rest is room to work in: tangent vectors, (cycle,
+    phase) of the last impacts, and impacts made.
     """
     bins = counts.shape[1]
     scale = bins / (high - low)

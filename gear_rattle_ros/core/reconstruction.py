@@ -39,20 +39,7 @@ class Motion:
 
 @kernel
 def rests_after(event) -> bool:  # type: ignore[no-untyped-def]
-    """
-    Tell whether the mass stands still on a wall after an event.
-
-    Parameters
-    ----------
-    event : EVENT record
-        The event.
-
-    Returns
-    -------
-    bool
-        True if it sticks, or was set down at rest on a wall that it is pressed against.
-
-    """
+    """Whether the mass sticks, or was set down on a wall against which it is pressed."""
     on_upper = event.displacement == 0.0
     if event.kind == RELEASE or event.velocity_after != 0.0:
         return False
@@ -65,22 +52,7 @@ def rests_after(event) -> bool:  # type: ignore[no-untyped-def]
 
 @kernel
 def state_after(event, d: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
-    """
-    State at a time after an event and not after the next one.
-
-    Parameters
-    ----------
-    event : EVENT record
-        The event.
-    d : float
-        Time since it [1], not negative.
-
-    Returns
-    -------
-    tuple of float
-        s and s' [1], eqs. (4)-(5).
-
-    """
+    """Return s and s' [1], eqs. (4)-(5), at a time d after an event and not after the next."""
     if rests_after(event):
         return event.displacement, 0.0
     sine, cosine = sine_cosine(event.phase)
@@ -91,22 +63,7 @@ def state_after(event, d: float) -> tuple[float, float]:  # type: ignore[no-unty
 
 @kernel
 def pieces(duration: float, step: float) -> int:
-    """
-    Count the equal steps in which a flight is sampled.
-
-    Parameters
-    ----------
-    duration : float
-        Of the flight [1].
-    step : float
-        Longest step wanted [1].
-
-    Returns
-    -------
-    int
-        At least one.
-
-    """
+    """Count the equal steps, none longer than `step` [1], in which a flight is sampled."""
     return max(1, int(math.ceil(duration / step)))
 
 
@@ -114,24 +71,10 @@ def pieces(duration: float, step: float) -> int:
 def sample(events: EventArray, starts: Column, step: float, tau: Column, displacement: Column,
            velocity: Column) -> int:
     """
-    Sample the motion between each event and the next.
+    Sample the motion between each event and the next; return the number of samples.
 
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        The events.
-    starts : ndarray of float, shape (n,)
-        How long after each event its samples begin [1].
-    step : float
-        Longest step [1].
-    tau, displacement, velocity : ndarray of float, shape (m,)
-        Room for the samples; if it is empty they are only counted.
-
-    Returns
-    -------
-    int
-        The number of samples.
-
+    They begin a time `starts` after each event and are at most `step` apart [1]. With no room for
+    them they are only counted.
     """
     count = 0
     last = events[-1]

@@ -16,23 +16,9 @@ from .model import Parameters
 @kernel
 def record(tile, impacts, starts, skip, rows, counts):  # type: ignore[no-untyped-def]
     """
-    Follow starts for a number of impacts and keep the last of them.
+    Follow starts and keep the impacts after the first `skip`, a row each.
 
-    Parameters
-    ----------
-    tile : TILE record
-        With every lane free.
-    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
-        Room to work in.
-    starts : ndarray of START, shape (n,)
-        The starts.
-    skip : int
-        Impacts that are not kept.
-    rows : ndarray of IMPACT, shape (n, m)
-        Receives the m impacts after those.
-    counts : ndarray of int, shape (n,)
-        Receives how many there are: fewer than m where the trajectory ends.
-
+    `counts` receives how many there are: fewer than the row holds where the trajectory ends.
     """
     most = float(skip + rows.shape[1])
     following = 0

@@ -12,18 +12,9 @@ from .elementary import TWO_PI
 @kernel
 def distance(velocity_a, phase_a, velocity_b, phase_b):  # type: ignore[no-untyped-def]
     """
-    Compare two impacts.
+    Return the larger difference of phase, around the circle, and velocity of two impacts [1].
 
-    Parameters
-    ----------
-    velocity_a, phase_a, velocity_b, phase_b : float
-        Velocities just before the impacts [1], positive at the upper wall, and phases [rad].
-
-    Returns
-    -------
-    float
-        Larger difference of phase, around the circle, and velocity [1]; inf at different walls.
-
+    It is inf at different walls: a velocity just before an impact is positive at the upper wall.
     """
     if math.copysign(1.0, velocity_a) != math.copysign(1.0, velocity_b):
         return math.inf

@@ -60,21 +60,7 @@ TRAJECTORY: Final = np.dtype(
 
 @kernel
 def write_event(record, kind, trajectory, velocity):  # type: ignore[no-untyped-def]
-    """
-    Write the record of an event that has just been applied to a trajectory.
-
-    Parameters
-    ----------
-    record : EVENT record
-        Where to.
-    kind : int
-        An EventKind.
-    trajectory : TRAJECTORY record
-        Just after the event.
-    velocity : float
-        Velocity just before it [1].
-
-    """
+    """Write the record of an event, with the velocity before it, just after it was applied."""
     record.kind = kind
     record.index = trajectory.index & 0xFFFFFFFF
     record.epoch = trajectory.epoch & 0xFFFFFFFF
@@ -91,15 +77,7 @@ def write_event(record, kind, trajectory, velocity):  # type: ignore[no-untyped-
 
 @kernel
 def settle(trajectory):  # type: ignore[no-untyped-def]
-    """
-    Decide whether a trajectory rests or flies, and forget the search for its next impact.
-
-    Parameters
-    ----------
-    trajectory : TRAJECTORY record
-        Just after an event other than a release.
-
-    """
+    """Decide whether a trajectory rests or flies, and forget the search for its next impact."""
     trajectory.mode = FLYING
     trajectory.searched = 0.0
     trajectory.effort = 0
@@ -114,17 +92,7 @@ def settle(trajectory):  # type: ignore[no-untyped-def]
 
 @kernel
 def move_base(trajectory, d):  # type: ignore[no-untyped-def]
-    """
-    Move the phase of a trajectory's last event forward.
-
-    Parameters
-    ----------
-    trajectory : TRAJECTORY record
-        The trajectory.
-    d : float
-        How far [1].
-
-    """
+    """Move the phase of a trajectory's last event forward by a time d [1]."""
     periods, phase = later(trajectory.phase, d)
     trajectory.cycle += periods
     trajectory.phase = phase
@@ -133,24 +101,9 @@ def move_base(trajectory, d):  # type: ignore[no-untyped-def]
 @kernel
 def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
     """
-    Follow a trajectory up to a moment and write down its events.
+    Follow a trajectory to a moment (cycle, phase [rad]); return how many events were written.
 
-    The events do not depend on where a run is cut.
-
-    Parameters
-    ----------
-    trajectory : TRAJECTORY record
-        Changed in place.
-    events : ndarray of EVENT, shape (n,)
-        Room for the events.
-    cycle, phase : int, float
-        The moment: whole drive periods and phase [rad].
-
-    Returns
-    -------
-    int
-        How many events were written; fewer than n if the moment was reached.
-
+    Fewer than there is room for means that it was reached; cuts of a run do not change events.
     """
     t = trajectory
     count = 0
@@ -202,22 +155,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
 
 @kernel
 def state_at(trajectory, cycle, phase):  # type: ignore[no-untyped-def]
-    """
-    State at a moment before the next event.
-
-    Parameters
-    ----------
-    trajectory : TRAJECTORY record
-        The trajectory from its last event on.
-    cycle, phase : int, float
-        The moment: whole drive periods and phase [rad].
-
-    Returns
-    -------
-    tuple of float
-        s and s' [1].
-
-    """
+    """Return s and s' [1] at a moment (cycle, phase [rad]) before the next event."""
     t = trajectory
     if t.mode == RESTING:
         return t.displacement, 0.0

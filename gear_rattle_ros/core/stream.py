@@ -87,17 +87,8 @@ def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
     """
     Hold every record against the one before it.
 
-    Parameters
-    ----------
-    last : ndarray of EVENT, shape (1,)
-        The record before the first; the fields of `GUARDED` are enough.
-    events : ndarray of EVENT, shape (n,)
-        The records.
-    jumps : ndarray of int32, shape (n,)
-        Filled with the impacts missing before each, negative where the numbers run backwards.
-    follows : ndarray of bool, shape (n,)
-        Filled with whether each follows from the one before.
-
+    `jumps` receives the impacts missing before each, negative where the numbers run backwards. Of
+    the record before the first, the fields of `GUARDED` are enough.
     """
     p = last[0]
     kind, index, epoch, cycle, phase = p.kind, p.index, p.epoch, p.cycle, p.phase

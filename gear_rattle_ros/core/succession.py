@@ -45,36 +45,13 @@ class Contradiction:
 
 @kernel
 def same(a: float, b: float) -> bool:
-    """
-    Compare two finite numbers by their bits.
-
-    Parameters
-    ----------
-    a, b : float
-        The numbers [1].
-
-    Returns
-    -------
-    bool
-        Whether they are equal, the sign of a zero included.
-
-    """
+    """Whether two finite numbers have the same bits, the sign of a zero included."""
     return a == b and math.copysign(1.0, a) == math.copysign(1.0, b)
 
 
 @kernel
 def depart(trajectory, event):  # type: ignore[no-untyped-def]
-    """
-    Put a trajectory where a record leaves it.
-
-    Parameters
-    ----------
-    trajectory : TRAJECTORY record
-        Changed in place; without noise.
-    event : EVENT record
-        The record.
-
-    """
+    """Put a trajectory where a record leaves it, without noise."""
     t = trajectory
     t.cycle = event.cycle
     t.phase = event.phase
@@ -95,25 +72,11 @@ def depart(trajectory, event):  # type: ignore[no-untyped-def]
 @kernel
 def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-untyped-def]
     """
-    Rebuild what comes after a record and hold the next one against it.
+    Rebuild in `room` the record that comes after one, and hold the next against it.
 
-    Parameters
-    ----------
-    before, event : EVENT record
-        A record and the next.
-    trajectory : TRAJECTORY record
-        Room to work in.
-    room : ndarray of EVENT, shape (1,)
-        Filled with the record expected.
-    kicks : ndarray of int64, shape (COUNTS,)
-        WAS_KICKED and IN_NOISE tell whether noise has changed the velocity after an impact.
-
-    Returns
-    -------
-    int
-        FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in time),
-        OVERDUE (an event was due before it, in `room`) or NOTHING (was due so soon).
-
+    It returns FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in
+    time), OVERDUE (an event was due before it, in `room`) or NOTHING (was due so soon). WAS_KICKED
+    and IN_NOISE say whether noise has changed the velocity after an impact.
     """
     p, q, t = before, event, trajectory
     kicks[WAS_KICKED] = 0
@@ -172,28 +135,10 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
 @kernel
 def follow_steps(last, events, trajectory, room, counts, unkicked):  # type: ignore[no-untyped-def]
     """
-    Hold records against those before them up to the first that does not follow.
+    Hold records against those before them; return how many follow, and why the next does not.
 
-    Parameters
-    ----------
-    last : ndarray of EVENT, shape (1,)
-        The record before; changed in place to the last that follows.
-    events : ndarray of EVENT, shape (n,)
-        The records.
-    trajectory : TRAJECTORY record
-        Room to work in.
-    room : ndarray of EVENT, shape (1,)
-        Filled with the record expected.
-    counts : ndarray of int64, shape (COUNTS,)
-        Counted on.
-    unkicked : ndarray of float, shape (1,)
-        Filled with the velocity after the last impact if it had not been kicked [1].
-
-    Returns
-    -------
-    tuple of int
-        How many records follow, and why the next does not; FOLLOWS if all do.
-
+    That is FOLLOWS if all do. `last` becomes the last that follows, `room` the record expected,
+    and `unkicked` receives the velocity after the last impact if noise had not kicked it [1].
     """
     for i in range(len(events)):
         kicked = counts[WAS_KICKED]

@@ -28,19 +28,7 @@ Pixels = npt.NDArray[np.uint8]
 
 @dataclasses.dataclass(frozen=True)
 class Colours:
-    """
-    The colours of one page, which stay while parameters move.
-
-    Attributes
-    ----------
-    traces : tuple of Trace
-        Attractors that have a colour.
-    by_label : dict
-        Colour of every label, as HTML writes it.
-    names : dict
-        What every label means.
-
-    """
+    """The colours and names of labels on one page, which stay while parameters move."""
 
     traces: tuple[Trace, ...] = ()
     by_label: dict[int, str] = dataclasses.field(default_factory=lambda: dict(ENDS))

@@ -23,21 +23,11 @@ FloatArray = npt.NDArray[np.float64]
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
     """
-    What becomes of a start.
+    What becomes of an initial condition.
 
-    Attributes
-    ----------
-    state : State
-        The start.
-    periods, displacement : ndarray of float, shape (n,)
-        The motion: drive periods since phase 0 of the start's own, and s [1].
-    phases, velocities : ndarray of float, shape (m,)
-        Impacts: drive phase [rad] and velocity just before [1].
-    sticks : int
-        How many of them stick.
-    rests : bool
-        Whether it has come to rest for ever.
-
+    The motion is `displacement` [1] over `periods` of the drive, counted from phase 0 of that in
+    which it begins; impacts have drive phases [rad] and velocities just before [1], and `sticks`
+    of them stick.
     """
 
     state: State
@@ -51,7 +41,7 @@ class Trajectory:
 
 def follow(parameters: Parameters, phase: float, displacement: float, velocity: float
            ) -> Trajectory:
-    """Follow a start for some hundred impacts."""
+    """Follow an initial condition for some hundred impacts."""
     turned = phase % TWO_PI
     state = State(0, turned if turned < TWO_PI else 0.0, displacement, velocity)
     simulation = Simulation(parameters, state)

@@ -35,26 +35,7 @@ VELOCITY_BOUND: Final = 9000.0
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """
-    A picture that is asked for.
-
-    Attributes
-    ----------
-    parameters : Parameters
-        Of the model.
-    displacement : float
-        Of every start [1].
-    phase, velocity : tuple of float
-        The window [rad, 1].
-    kind : str
-        One of `KINDS`.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range.
-
-    """
+    """What is asked for: a picture of one of `KINDS`, over a window of the plane [rad, 1]."""
 
     parameters: Parameters = Parameters()
     displacement: float = 0.0

@@ -58,7 +58,7 @@ def refuse_large_files(ros: Sequence[str]) -> None:
 
 
 def can_be_read_again(ros: Sequence[str]) -> bool:
-    """Tell whether all parameter files still have what they had: a pipe gives it only once."""
+    """Whether all parameter files still have what they had: a pipe gives it only once."""
     return not any(_is_pipe(file) for file in _parameter_files(ros))
 
 

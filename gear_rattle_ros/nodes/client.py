@@ -55,7 +55,7 @@ class SimulatorClient:
 
     @property
     def is_busy(self) -> bool:
-        """Tell whether an answer is awaited."""
+        """Whether an answer is awaited."""
         return bool(self._requests)
 
     def get(self, names: Iterable[str], take: Callable[[dict[str, float]], object]) -> None:

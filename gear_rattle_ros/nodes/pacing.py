@@ -29,7 +29,7 @@ class AcknowledgedPace:
         self._open += 1
 
     def may_publish(self) -> bool:
-        """Tell whether there is room for another batch; waits a moment where there is none."""
+        """Whether there is room for another batch; waits a moment where there is none."""
         if self._open < WINDOW:
             return True
         if self._publisher.wait_for_all_acked(PATIENCE):

@@ -42,7 +42,7 @@ class Keys:
 
     @property
     def is_open(self) -> bool:
-        """Tell whether a sequence has begun."""
+        """Whether a sequence has begun."""
         return bool(self._held)
 
 

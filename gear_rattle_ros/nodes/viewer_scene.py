@@ -93,7 +93,7 @@ class Scene:
             static=True)
 
     def is_due(self, time: float) -> bool:
-        """Tell whether to draw now [s of wall time]."""
+        """Whether to draw now [s of wall time]."""
         if self._begun is None:
             self._begun = time
         return time >= self._next

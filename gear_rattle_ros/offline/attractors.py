@@ -135,20 +135,7 @@ def write_attractors(store: Store, catalogue: Catalogue) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `attractors`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
-
-    """
+    """Run the command `attractors`."""
     parser = options.Parser(NAME, description='Find every attractor at given parameters.')
     options.add_model(parser)
     options.add_plane(parser, size=None)

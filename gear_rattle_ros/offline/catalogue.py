@@ -132,7 +132,7 @@ class Attractor:
 
     @property
     def exact_sum(self) -> float:
-        """What the exponents must add up to [1]."""
+        """Return what the exponents must add up to [1]."""
         if self.orbit:
             return self.orbit.exact_sum
         return self.chaos.exponents.exact_sum if self.chaos else math.nan
@@ -238,7 +238,7 @@ class Catalogue:
 
     @functools.cached_property
     def table(self) -> Table:
-        """What recognises the attractors, for `classify`."""
+        """Return the table by which `classify` recognises the attractors."""
         known = len(self.orbits)
         after = known + len(self.chaotic)
         numbers = [*range(known), *range(after, after + len(self.late))]
@@ -328,26 +328,7 @@ def _follow_batch(starts: RecordArray, size: int, cap: int, table: Table, batch:
 
 
 def follow_here(starts: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
-    """
-    Follow initial conditions until they settle, in this thread.
-
-    Parameters
-    ----------
-    starts : ndarray of START, shape (n,)
-        The initial conditions.
-    cap : int
-        Impacts after which one is unsettled.
-    table : Table
-        Known attractors.
-    results : ndarray of RESULT, shape (n,)
-        Receives what became of them.
-
-    Returns
-    -------
-    int
-        Impacts made.
-
-    """
+    """Follow initial conditions in this thread into `results`; return the impacts made."""
     return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), starts, cap,
                         table, results))
 

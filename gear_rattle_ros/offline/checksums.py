@@ -29,40 +29,14 @@ BITS: Final = 0x7fffffff
 
 
 def attributes_checksum(attributes: Mapping[str, Any]) -> int:
-    """
-    Sum up attributes.
-
-    Parameters
-    ----------
-    attributes : mapping
-        As JSON holds them; a checksum among them does not count.
-
-    Returns
-    -------
-    int
-        31 bits, as old forms of NetCDF know no more.
-
-    """
+    """Return the checksum of attributes in 31 bits; one among them does not count."""
     text = json.dumps({name: value for name, value in attributes.items() if name != CHECKSUM},
                       sort_keys=True)
     return zlib.crc32(text.encode()) & BITS
 
 
 def require_attributes(path: Path) -> None:
-    """
-    Hold the attributes of a store and of its grids against their checksums.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Raises
-    ------
-    StoreError
-        If they do not agree.
-
-    """
+    """Raise StoreError where attributes of a store do not have their checksum."""
     for place in (path, *(path / name for name in variables_of(path))):
         found = read_document(place / '.zattrs')
         if found.get(CHECKSUM) != attributes_checksum(found):
@@ -71,20 +45,7 @@ def require_attributes(path: Path) -> None:
 
 
 def chunks_checksum(files: Sequence[Path]) -> int:
-    """
-    Sum up the bytes of some chunks.
-
-    Parameters
-    ----------
-    files : sequence of Path
-        Their files.
-
-    Returns
-    -------
-    int
-        31 bits, never 0.
-
-    """
+    """Return the checksum of chunks, of which some may be missing: 31 bits, never 0."""
     total = 0
     for file in files:
         try:
@@ -99,48 +60,13 @@ def chunks_checksum(files: Sequence[Path]) -> int:
 
 def tile_files(path: Path, variables: Mapping[str, Sequence[str]],
                indices: Mapping[str, int]) -> list[Path]:
-    """
-    List the chunks of a tile.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-    variables : mapping
-        For each variable its dimensions.
-    indices : mapping
-        For each tiled dimension, the number of the tile along it.
-
-    Returns
-    -------
-    list of Path
-        Their files.
-
-    """
+    """List the chunks of a tile, given every variable's dimensions and the tile's indices."""
     return [path / name / ('.'.join(str(indices.get(one, 0)) for one in variables[name]))
             for name in sorted(variables)]
 
 
 def table_checksum(folder: Path) -> int:
-    """
-    Sum up an array of one chunk with its form and attributes.
-
-    Parameters
-    ----------
-    folder : Path
-        The array.
-
-    Returns
-    -------
-    int
-        31 bits.
-
-    Raises
-    ------
-    StoreError
-        If it has no documents.
-
-    """
+    """Return the checksum of an array of one chunk, its form and attributes included."""
     form = read_document(folder / '.zarray')
     attributes = read_document(folder / '.zattrs')
     shape = form.get('shape')
@@ -151,20 +77,7 @@ def table_checksum(folder: Path) -> int:
 
 
 def has_table(folder: Path) -> bool:
-    """
-    Tell whether an array of one chunk is there as it was written.
-
-    Parameters
-    ----------
-    folder : Path
-        The array.
-
-    Returns
-    -------
-    bool
-        Whether it is.
-
-    """
+    """Whether an array of one chunk is there as it was written."""
     try:
         return read_document(folder / '.zattrs').get(CHECKSUM) == table_checksum(folder)
     except StoreError:
@@ -172,22 +85,7 @@ def has_table(folder: Path) -> bool:
 
 
 def read_marks(path: Path, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32]]:
-    """
-    Read marks and checksums of all tiles.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-    count : int
-        Number of its tiles.
-
-    Returns
-    -------
-    tuple of ndarray
-        Both; zeros where their file is missing or of another length.
-
-    """
+    """Read the marks and checksums of all tiles; without a sound file they are 0."""
     def read(name: str, dtype: str) -> npt.NDArray[Any]:
         try:
             content = (path / name / '0').read_bytes()
@@ -200,22 +98,7 @@ def read_marks(path: Path, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArr
 
 
 def require_whole(path: Path, marked: Mapping[int, bool]) -> None:
-    """
-    Refuse a store of which something is not as it was written.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-    marked : mapping
-        Of the tiles that are done, whether they are whole.
-
-    Raises
-    ------
-    StoreError
-        Naming the first.
-
-    """
+    """Raise StoreError for the first part of a store that is not as it was written."""
     remedy = 'go on with --resume, which makes it anew'
     for tile, is_whole in marked.items():
         if not is_whole:

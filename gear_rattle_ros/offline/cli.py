@@ -37,23 +37,9 @@ class Run:
     """
     How a tool runs and where its results go.
 
-    Attributes
-    ----------
-    name : str
-        The tool.
-    command : str
-        The command line, as one would type it again.
-    output : Path
-        The store.
-    resume : bool
-        Whether an unfinished store is continued.
-    cluster : str or None
-        Address of a Dask scheduler.
-    threads : int or None
-        Threads of this process; None for one a processor.
-    picture : Path or None
-        The picture to draw.
-
+    `command` is the command line as one would type it again, `output` the store and `picture` what
+    is drawn of it, `cluster` the address of a Dask scheduler; without `threads` there is one for
+    each processor.
     """
 
     name: str
@@ -65,38 +51,15 @@ class Run:
     picture: Path | None = None
 
     def progress(self, total: int) -> 'Progress':
-        """
-        Tell how this run goes, on stderr.
-
-        Parameters
-        ----------
-        total : int
-            Number of starts, or whatever is counted.
-
-        Returns
-        -------
-        Progress
-            At none of them.
-
-        """
+        """Report on stderr how this run goes; `total` counts initial conditions or the like."""
         return Progress(self.name, total, sys.stderr)
 
     def finish(self, draw: Callable[[], Figure], **beside: Callable[[], Figure]) -> int:
         """
         Draw the picture where one is asked for, and say where everything is.
 
-        Parameters
-        ----------
-        draw : callable
-            Makes the figure; imports matplotlib only then.
-        **beside : callable
-            Further figures, by what is added to the name of the file.
-
-        Returns
-        -------
-        int
-            The exit status, 0.
-
+        `draw` imports matplotlib only when it is called; further figures are named by what is
+        added to the name of the file. The exit status is 0.
         """
         print(self.output)
         if self.picture is not None:
@@ -109,15 +72,7 @@ class Run:
         return 0
 
     def how_to_resume(self) -> str:
-        """
-        Say how to go on.
-
-        Returns
-        -------
-        str
-            A command line.
-
-        """
+        """Return the command line that goes on with this run."""
         resume = '' if '--resume' in shlex.split(self.command) else ' --resume'
         return self.command + resume
 
@@ -141,22 +96,8 @@ def run_tool(parser: argparse.ArgumentParser, arguments: list[str] | None, outpu
     """
     Parse a command line, run a tool, and turn what goes wrong into one line.
 
-    Parameters
-    ----------
-    parser : ArgumentParser
-        With the options of the tool; those of running are added.
-    arguments : list of str or None
-        Without the program's name; None for those of the process.
-    output : str
-        Name of the store by default; options stand in it in braces, such as ``{alpha:g}``.
-    work : callable
-        Takes what was given and how to run; returns an exit status.
-
-    Returns
-    -------
-    int
-        Exit status: that of the work, 2 with one line that says why, 130 after Ctrl-C.
-
+    Options stand in braces in `output`, the default name of the store, such as ``{alpha:g}``. The
+    exit status is that of `work`, 2 after an error, 130 after Ctrl-C.
     """
     add_run(parser)
     given = parser.parse_args(arguments)
@@ -173,20 +114,7 @@ def run_tool(parser: argparse.ArgumentParser, arguments: list[str] | None, outpu
 
 
 def say_stopped(run: Run) -> int:
-    """
-    Say what Ctrl-C has left of a store, and how to go on.
-
-    Parameters
-    ----------
-    run : Run
-        What was running.
-
-    Returns
-    -------
-    int
-        The exit status, 130.
-
-    """
+    """Say what Ctrl-C has left of a store and how to go on; return exit status 130."""
     try:
         store = Store(run.output)
         total = len(store.tiles)

@@ -20,25 +20,11 @@ FloatArray = npt.NDArray[np.float64]
 @dataclasses.dataclass(frozen=True)
 class Window:
     """
-    What is looked at, and counted.
+    What is followed and counted at each alpha.
 
-    Attributes
-    ----------
-    keep : int
-        Impacts of each trajectory that are counted.
-    low, high : float
-        Range of the velocity bins [1].
-    bins : int
-        How many.
-    hold : int
-        Impacts after which a trajectory is unsettled, and for which nothing may leave a chaotic
-        attractor.
-
-    Raises
-    ------
-    ValueError
-        If nothing is counted or the range is empty.
-
+    The velocities of `keep` impacts of each trajectory are counted in `bins` between `low` and
+    `high` [1]. After `hold` impacts a trajectory is unsettled, and for as many nothing may leave a
+    chaotic attractor.
     """
 
     keep: int = 2048
@@ -63,20 +49,10 @@ class Branch:
     """
     An attractor at one alpha, or what has not settled there.
 
-    Attributes
-    ----------
-    attractor : Attractor
-        What it is.
-    states : ndarray of START, shape (n,)
-        Where the trajectories that are on it stand.
-    counts : ndarray of float, shape (bins,)
-        Their impact velocities, counted together.
-    exponent, exponent_error : float
-        Largest exponent per impact [1]: of a periodic orbit from its multipliers, with no error;
-        else the mean of all blocks and its standard error.
-    exact_sum : float
-        What both exponents add up to [1].
-
+    `states` are those of the trajectories that are on it, `counts` (bins,) their impact
+    velocities. The largest exponent per impact [1] of a periodic orbit follows from its
+    multipliers, without an error; else it is the mean of all blocks. `exact_sum` is what both
+    exponents add up to [1].
     """
 
     attractor: Attractor
@@ -90,26 +66,9 @@ class Branch:
 def find_branches(parameters: Parameters, starts: RecordArray, window: Window,
                   known: tuple[Orbit, ...] = ()) -> tuple[Catalogue, list[Branch]]:
     """
-    Find the attractors at one alpha.
+    Find the attractors at one alpha, knowing the orbits at a neighbouring one.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        There.
-    starts : ndarray of START, shape (n,)
-        Initial conditions.
-    window : Window
-        What is counted.
-    known : tuple of Orbit
-        Orbits at a neighbouring alpha.
-
-    Returns
-    -------
-    Catalogue
-        The attractors.
-    list of Branch
-        The one with most trajectories first; those that were known but are reached by none last.
-
+    The branch with most trajectories comes first; known orbits that are reached by none come last.
     """
     catalogue = find_attractors(parameters, starts, hold=window.hold, known=known, effort=SWEEP,
                                 threads=1)

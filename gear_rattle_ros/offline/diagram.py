@@ -33,30 +33,10 @@ class Diagram:
     """
     What an orbit diagram is made of.
 
-    Attributes
-    ----------
-    parameters : Parameters
-        Its alpha is not used.
-    alphas : tuple of float
-        First and last amplitude [1].
-    columns : int
-        How many amplitudes, equally spaced, both ends among them.
-    plane : Plane
-        Where starts are drawn from.
-    trajectories : int
-        At each alpha; those that are followed are at most `LANES`.
-    seed : int
-        Of the starts.
-    window : Window
-        Impacts that are counted.
-    sweeps : tuple of str
-        Which: from many starts at each alpha, followed up, followed down.
-
-    Raises
-    ------
-    ValueError
-        If a range is empty or reversed, or a number is out of range.
-
+    `columns` amplitudes are equally spaced between the two `alphas` [1], both included, whatever
+    the alpha of `parameters`. Each has `trajectories` initial conditions, drawn from `plane` with
+    `seed`; the sweeps up and down, which go on from the neighbouring column, follow at most
+    `LANES`.
     """
 
     parameters: Parameters
@@ -85,56 +65,17 @@ class Diagram:
         return np.linspace(*self.alphas, self.columns)
 
     def starts(self, column: int) -> npt.NDArray[np.void]:
-        """
-        Draw the starts of a column; it has a seed of its own.
-
-        Parameters
-        ----------
-        column : int
-            Its number.
-
-        Returns
-        -------
-        ndarray of START
-            The starts.
-
-        """
+        """Draw the initial conditions of a column, which has a seed of its own."""
         return self.plane.random_starts(self.at(column), self.trajectories,
                                         self.seed * 1_000_003 + column)
 
     def at(self, column: int) -> Parameters:
-        """
-        Give the parameters of a column.
-
-        Parameters
-        ----------
-        column : int
-            Its number.
-
-        Returns
-        -------
-        model.Parameters
-            With its alpha.
-
-        """
+        """Return the parameters of a column, with its alpha."""
         return dataclasses.replace(self.parameters, alpha=float(self.values[column]))
 
 
 def layout_of(diagram: Diagram) -> Layout:
-    """
-    Say what the store of a diagram consists of.
-
-    Parameters
-    ----------
-    diagram : Diagram
-        The diagram.
-
-    Returns
-    -------
-    Layout
-        Tiles are `TILE` columns of one sweep.
-
-    """
+    """Return the layout of the store: a tile is `TILE` columns of one sweep."""
     window, one = diagram.window, {'units': '1'}
     edges = np.linspace(window.low, window.high, window.bins + 1)
     slot = ('sweep', 'alpha', 'slot')
@@ -187,22 +128,7 @@ def layout_of(diagram: Diagram) -> Layout:
 
 
 def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
-    """
-    Lay out the attractors of some columns as arrays.
-
-    Parameters
-    ----------
-    columns : list of list of Branch
-        The attractors at each alpha.
-    diagram : Diagram
-        The diagram.
-
-    Returns
-    -------
-    dict
-        For each variable an array (alpha, slot ...).
-
-    """
+    """Lay out the attractors of some columns as an array (alpha, slot ...) by variable."""
     shape = (len(columns), SLOTS)
     values: dict[str, npt.NDArray[Any]] = {
         'count': np.zeros((*shape, diagram.window.bins), np.uint32), 'key': np.zeros(shape, KEY),

@@ -34,18 +34,10 @@ WORDS_MOST: Final = 6
 
 class Thinned:
     """
-    Rows of a table, each kept by chance, so that no more than so many are.
+    Rows of a table, each kept by chance, so that at most `most` are.
 
     Rows are chosen by a hash of their number, not every n-th, which would show one impact only of
     an orbit with a period of n. The same rows give the same choice however they come in.
-
-    Parameters
-    ----------
-    kind : dtype
-        Of the rows.
-    most : int
-        How many are kept at the most.
-
     """
 
     def __init__(self, kind: np.dtype, most: int) -> None:
@@ -73,19 +65,7 @@ class Thinned:
 
 @dataclasses.dataclass(frozen=True)
 class Word:
-    """
-    What the trajectory was found to do.
-
-    Attributes
-    ----------
-    impact : int
-        Number of the impact at which it was found.
-    alpha : float
-        The parameter then [1].
-    report : TransientReport
-        What was found.
-
-    """
+    """What the trajectory was found to do at an impact, and the alpha then [1]."""
 
     impact: int
     alpha: float
@@ -96,28 +76,10 @@ class Digest:
     """
     A run in bounded memory: impacts, retunes, exponents, what the trajectory did, its last motion.
 
-    Parameters
-    ----------
-    window : int
-        Impacts in the finite-time exponent.
-
-    Attributes
-    ----------
-    impacts : int
-        Impacts seen.
-    place : Place or None
-        The last event; None before the first.
-    points, changes, estimates : Thinned
-        Impacts; first event, retunes and resets; estimates of the exponents.
-    words : list of Word
-        The first few things that the trajectory was found to do and the last few.
-    infinite : str
-        Why an exponent was infinite when last looked at, or empty.
-    tail : ndarray of EVENT, shape (n,)
-        The last events that have no hole between them.
-    guard : StreamGuard
-        What was lost.
-
+    `changes` are the first event, retunes and resets; `words` the first few things that the
+    trajectory was found to do and the last few; `infinite` says why an exponent was infinite when
+    last looked at; `tail` are the last events that have no hole between them. Finite-time
+    exponents are over `window` impacts.
     """
 
     def __init__(self, window: int = 1000) -> None:

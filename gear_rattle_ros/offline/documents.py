@@ -31,25 +31,7 @@ class StoreError(Exception):
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """
-    Read a JSON document.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    dict
-        What it says.
-
-    Raises
-    ------
-    StoreError
-        If it is none.
-
-    """
+    """Read a JSON object; StoreError where the file holds none."""
     try:
         status = path.lstat()
         if not stat.S_ISREG(status.st_mode) or status.st_size > DOCUMENT_MOST:
@@ -65,20 +47,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def require_group(path: Path) -> None:
-    """
-    Hold the documents of a group against what they should say, but for its attributes.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Raises
-    ------
-    StoreError
-        If it is no group of this format.
-
-    """
+    """Raise StoreError where a store is no group of this format; attributes may be any."""
     read_document(path / '.zattrs')
     if read_document(path / '.zgroup') != {'zarr_format': 2}:
         raise StoreError(f'{path}/.zgroup is damaged: it is not that of a group of format 2; '
@@ -86,20 +55,7 @@ def require_group(path: Path) -> None:
 
 
 def require_plain_files(path: Path) -> None:
-    """
-    Refuse what leads out of a store, or deeper than one goes.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Raises
-    ------
-    StoreError
-        If it holds anything but files, and directories of files.
-
-    """
+    """Raise StoreError where a store holds more than files and directories of files."""
     try:
         folders = [path, *(entry for entry in path.iterdir()
                            if stat.S_ISDIR(entry.lstat().st_mode))]
@@ -114,25 +70,7 @@ def require_plain_files(path: Path) -> None:
 
 
 def tiles_of(path: Path) -> dict[str, tuple[int, int]]:
-    """
-    Read how a store is cut.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Returns
-    -------
-    dict
-        For every tiled dimension its size and the length of a tile.
-
-    Raises
-    ------
-    StoreError
-        If that makes no sense, or marks and checksums have no room for so many tiles.
-
-    """
+    """Read the size and tile length of every tiled dimension; StoreError if absurd."""
     if (path / CHECKSUMS / '.zarray').exists() != (path / DONE / '.zarray').exists():
         raise StoreError(f'{path} has no checksums, or nothing but these: it can be read, but not '
                          f'continued; {ELSE}')
@@ -157,25 +95,7 @@ def tiles_of(path: Path) -> dict[str, tuple[int, int]]:
 
 
 def variables_of(path: Path) -> dict[str, list[str]]:
-    """
-    Read which arrays are made tile by tile.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Returns
-    -------
-    dict
-        For each its dimensions.
-
-    Raises
-    ------
-    StoreError
-        If these are no names.
-
-    """
+    """Read the names and dimensions of the arrays that are made tile by tile."""
     place = path / DONE / '.zattrs'
     given = read_document(place).get('variables')
     found: dict[str, list[str]] = {}
@@ -193,26 +113,7 @@ def variables_of(path: Path) -> dict[str, list[str]]:
 
 def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
                   chunks: Sequence[int], dtype: str) -> None:
-    """
-    Hold the documents of an array against what they should say.
-
-    Parameters
-    ----------
-    folder : Path
-        The array.
-    dimensions : sequence of str
-        Their names.
-    shape, chunks : sequence of int
-        Lengths of the array and of its chunks.
-    dtype : str
-        Type of its elements.
-
-    Raises
-    ------
-    StoreError
-        If they say anything else.
-
-    """
+    """Raise StoreError where the documents of an array say anything else."""
     is_mark = folder.name in (DONE, CHECKSUMS)
     expected = {
         'zarr_format': 2, 'shape': list(shape), 'chunks': [max(1, n) for n in chunks],
@@ -234,24 +135,7 @@ def require_array(folder: Path, dimensions: Sequence[str], shape: Sequence[int],
 
 
 def require_layout(path: Path, layout: Layout, cuts: Mapping[str, tuple[int, int]]) -> None:
-    """
-    Hold all documents of a store against its layout.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-    layout : Layout
-        What it should be.
-    cuts : mapping
-        Size and length of a tile of tiled dimensions; the length may be any.
-
-    Raises
-    ------
-    StoreError
-        If one says anything else.
-
-    """
+    """Raise StoreError where a document differs from the layout, but for tile lengths."""
     place = path / DONE / '.zattrs'
     sizes = {axis.name: len(axis.values) for axis in layout.axes}
     tiled = {axis.name: sizes[axis.name] for axis in layout.axes if axis.tile}
@@ -276,20 +160,7 @@ def require_layout(path: Path, layout: Layout, cuts: Mapping[str, tuple[int, int
 
 
 def is_consolidated(path: Path) -> bool:
-    """
-    Tell whether the copy of all documents in one, for readers, is what they say.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Returns
-    -------
-    bool
-        Whether it is.
-
-    """
+    """Whether the copy of all documents in one, which readers use, agrees with them."""
     documents = {name: read_document(path / name) for name in ('.zattrs', '.zgroup')}
     for folder in sorted(entry for entry in path.iterdir() if entry.is_dir()):
         for name in ('.zarray', '.zattrs'):
@@ -301,20 +172,7 @@ def is_consolidated(path: Path) -> bool:
 
 
 def regions_of(cuts: Mapping[str, tuple[int, int]]) -> Iterator[dict[str, slice]]:
-    """
-    Yield the region of every tile.
-
-    Parameters
-    ----------
-    cuts : mapping
-        Size and length of a tile of every tiled dimension.
-
-    Yields
-    ------
-    dict
-        A slice for each of them.
-
-    """
+    """Yield every tile's slice of each tiled dimension."""
     for pieces in itertools.product(
             *([slice(a, min(a + step, size)) for a in range(0, size, step)]
               for size, step in cuts.values())):
@@ -322,20 +180,7 @@ def regions_of(cuts: Mapping[str, tuple[int, int]]) -> Iterator[dict[str, slice]
 
 
 def shortened(value: object) -> str:
-    """
-    Show a value on part of a line.
-
-    Parameters
-    ----------
-    value : object
-        Plain JSON.
-
-    Returns
-    -------
-    str
-        Its beginning.
-
-    """
+    """Show a value on part of a line."""
     try:
         text = ' '.join(repr(value).split())
     except (RecursionError, ValueError):

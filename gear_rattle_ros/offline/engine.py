@@ -21,15 +21,7 @@ class EngineError(Exception):
 
 
 def threads_here() -> int:
-    """
-    Count the processors that this process may use.
-
-    Returns
-    -------
-    int
-        At least 1.
-
-    """
+    """Count the processors that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
@@ -37,33 +29,13 @@ def run_tiles(work: Callable[[int], Result], tiles: Sequence[int],
               finished: Callable[[int, Result], None], *, cluster: str | None = None,
               threads: int | None = None) -> None:
     """
-    Do a piece of work for every tile.
+    Do a piece of work for every tile, on threads of this process or on a Dask cluster.
 
-    Parameters
-    ----------
-    work : callable
-        Takes the number of a tile, stores what it computes by itself and returns something small;
-        on a cluster it is pickled. To be repeatable it depends on nothing but the number.
-    tiles : sequence of int
-        The tiles to do.
-    finished : callable
-        Takes the number and what `work` returned; called in this thread, in the order in which
-        tiles end.
-    cluster : str, optional
-        Address of a Dask scheduler; by default the threads of this process are used.
-    threads : int, optional
-        How many threads; by default one for each processor.
-
-    Raises
-    ------
-    EngineError
-        If the cluster cannot be reached, or kills a tile's workers again and again.
-
-    Notes
-    -----
-    An exception of `work` is raised here and ends the run, and so does Ctrl-C: what is still
-    running is abandoned.
-
+    `work` takes the number of a tile, on which alone it depends, stores what it computes and
+    returns something small; on a cluster it is pickled. `finished` is told of every tile in this
+    thread, in the order in which they end. An exception of `work` or Ctrl-C ends the run: what is
+    still running is abandoned. EngineError says that the cluster cannot be reached, or kills a
+    tile's workers again and again.
     """
     if not tiles:
         return

@@ -18,19 +18,10 @@ QUARTERS: Final = 4
 @dataclasses.dataclass(frozen=True)
 class LifetimeLaw:
     """
-    The law ``rate = C (alpha - alpha_c)^exponent``.
+    The law ``rate = C (alpha - alpha_c)^exponent``, fitted, with standard errors [1].
 
-    Attributes
-    ----------
-    alpha_c, alpha_c_error : float
-        Where lifetimes diverge, and its standard error [1].
-    exponent, exponent_error : float
-        Of the law [1]: the mean lifetime goes as ``(alpha - alpha_c)^-exponent``.
-    scale : float
-        C [1].
-    chi_square : float
-        Of the fit per degree of freedom [1].
-
+    The mean lifetime goes as ``(alpha - alpha_c)^-exponent``; `scale` is C, and `chi_square` that
+    of the fit per degree of freedom.
     """
 
     alpha_c: float
@@ -43,31 +34,13 @@ class LifetimeLaw:
 
 def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) -> LifetimeLaw:
     """
-    Fit the law to escape rates, by least squares of their logarithms.
+    Fit the law to four or more positive escape rates, by least squares of their logarithms.
 
-    About the law the rates of a fractal set wave by some per cent, which no number of
-    trajectories lessens; so the errors are the largest of those of the fit, those of a
-    jackknife that leaves out a quarter of the amplitudes at a time, and the change when only the
-    nearer half is fitted; and the place is never claimed to be known better than by the distance
-    of the nearest amplitude.
-
-    Parameters
-    ----------
-    alphas : array_like
-        Amplitudes [1], four at least, all beyond the crisis.
-    rates, errors : array_like
-        Escape rates [1], positive, and standard errors.
-
-    Returns
-    -------
-    LifetimeLaw
-        With the place of the crisis free.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than four rates, or no law fits.
-
+    About the law the rates of a fractal set wave by some per cent, which no number of trajectories
+    lessens; so the errors are the largest of those of the fit, those of a jackknife that leaves
+    out a quarter of the amplitudes at a time, and the change when only the nearer half is fitted;
+    and the place is never claimed to be known better than by the distance of the nearest
+    amplitude.
     """
     a, k, e = (np.asarray(x, np.float64) for x in (alphas, rates, errors))
     order = np.argsort(a)
@@ -92,22 +65,7 @@ def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
 
 def fit_exponent(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike,
                  alpha_c: float) -> tuple[float, float]:
-    """
-    Fit the exponent of the law where the place of the crisis is known.
-
-    Parameters
-    ----------
-    alphas, rates, errors : array_like
-        As for `fit_law`.
-    alpha_c : float
-        The crisis [1].
-
-    Returns
-    -------
-    tuple of float
-        The exponent and its standard error [1], by a jackknife as in `fit_law`.
-
-    """
+    """Fit the exponent and its jackknife error [1] where the place of the crisis is known."""
     x = np.log(np.asarray(alphas, np.float64) - alpha_c)
     k, e = np.asarray(rates, np.float64), np.asarray(errors, np.float64)
     part = np.arange(len(x)) * QUARTERS // len(x)

@@ -42,27 +42,12 @@ class Escapes:
     """
     Trajectories whose escape is timed.
 
-    Attributes
-    ----------
-    alphas : tuple of float
-        Amplitudes [1]; the first lies before the crisis, to see that nothing escapes.
-    parameters : Parameters
-        Its alpha is not used.
-    plane : Plane
-        Where starts are drawn from.
-    wanted : int
-        Escapes at each alpha, shared among `PARTS`.
-    seed : int
-        Of the starts, the same at each alpha.
-    skip : int
-        Escapes before this say nothing: the start lay in the basin [impacts].
-    limit, limit_before : int
-        A trajectory is given up then, and at the amplitude before the crisis [impacts].
-    points : tuple
-        For each alpha the orbit that captures: (phase, velocity) of every impact.
-    radius : float
-        So near to it a trajectory is captured [rad, 1].
-
+    At each of the `alphas` [1], `wanted` escapes are shared among `PARTS`; the first alpha lies
+    before the crisis, to see that nothing escapes. The initial conditions, drawn from `plane`, are
+    the same at each. A trajectory is captured within `radius` of the `points` (phase, velocity) of
+    the captor at its alpha [rad, 1]. Escapes within `skip` impacts say nothing: the initial
+    condition lay in the basin. After `limit` impacts, at the first alpha `limit_before`, a
+    trajectory is given up.
     """
 
     alphas: tuple[float, ...]
@@ -88,22 +73,7 @@ class Escapes:
 
 
 def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
-    """
-    Say what the store of a crisis consists of.
-
-    Parameters
-    ----------
-    escapes : Escapes
-        What is timed.
-    tangency : Tangency
-        Where the crisis was found.
-
-    Returns
-    -------
-    Layout
-        A tile for each part of each alpha.
-
-    """
+    """Return the layout of the store: a tile for each part of each alpha."""
     p = escapes.parameters
     return Layout(
         (Axis('alpha', np.array(escapes.alphas), {
@@ -135,24 +105,7 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
 
 
 def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
-    """
-    Time the escapes of one part at one alpha.
-
-    Parameters
-    ----------
-    escapes : Escapes
-        What is timed.
-    output : Path
-        The store.
-    tile : int
-        Number of the tile.
-
-    Returns
-    -------
-    int
-        Impacts made.
-
-    """
+    """Time the escapes of one part at one alpha into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
     starts = escapes.plane.random_starts(parameters, escapes.starts,
@@ -175,20 +128,7 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
 
 
 def rates_of(store: Store) -> list[EscapeRate]:
-    """
-    Estimate the escape rate at each alpha.
-
-    Parameters
-    ----------
-    store : Store
-        Complete.
-
-    Returns
-    -------
-    list of EscapeRate
-        In order.
-
-    """
+    """Estimate the escape rate at each alpha of a complete store."""
     skip = float(store.attributes['impacts_skipped'])
     rates = []
     for lifetimes, fates in zip(store.read_all('lifetime'), store.read_all('fate'), strict=True):
@@ -198,24 +138,7 @@ def rates_of(store: Store) -> list[EscapeRate]:
 
 
 def compute(escapes: Escapes, tangency: Tangency, run: Run) -> Store:
-    """
-    Time the escapes.
-
-    Parameters
-    ----------
-    escapes : Escapes
-        What is timed.
-    tangency : Tangency
-        Where the crisis was found.
-    run : Run
-        How and where.
-
-    Returns
-    -------
-    Store
-        Complete.
-
-    """
+    """Time the escapes and return the complete store."""
     store = make_store(run.output, layout_of(escapes, tangency), run.command, resume=run.resume)
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
     distances = np.abs(np.array(escapes.alphas) - tangency.alpha)

@@ -39,23 +39,9 @@ class Recipe:
     """
     How a figure is made, and what it is compared with.
 
-    Attributes
-    ----------
-    figure : str
-        Its number in the paper.
-    title : str
-        What it is.
-    paper : str
-        What the paper's figure shows, in our words.
-    known : str
-        How far that is known to us.
-    command : tuple of str
-        Tool and options; {store} and {picture} stand for what it writes.
-    agrees : str
-        yes, partly, no or unknown.
-    finding : str
-        What was found.
-
+    `paper` says in our words what the paper's figure shows, `known` how far that is known to us.
+    In `command`, {store} and {picture} stand for what it writes. `agrees` is yes, partly, no or
+    unknown.
     """
 
     figure: str

@@ -18,40 +18,14 @@ OF_ZARR_2: Final = zarr.__version__.startswith('2.')
 
 
 def new_group(path: Path) -> Any:
-    """
-    Make a group.
-
-    Parameters
-    ----------
-    path : Path
-        A directory; what is in it is lost.
-
-    Returns
-    -------
-    zarr.Group
-        Empty.
-
-    """
+    """Make an empty group of format 2; what is in the directory is lost."""
     if OF_ZARR_2:
         return zarr.open_group(str(path), mode='w', zarr_version=2)
     return zarr.open_group(str(path), mode='w', zarr_format=2)
 
 
 def open_group(path: Path) -> Any:
-    """
-    Open a group to be read and written.
-
-    Parameters
-    ----------
-    path : Path
-        Its directory.
-
-    Returns
-    -------
-    zarr.Group
-        Of format 2.
-
-    """
+    """Open a group of format 2 to be read and written."""
     # The copy of all metadata in one file is for readers: it is behind while a store is made.
     if OF_ZARR_2:
         return zarr.open_group(str(path), mode='r+')
@@ -61,19 +35,7 @@ def open_group(path: Path) -> Any:
 
 def make_array(group: Any, variable: Variable, shape: Sequence[int], chunks: Sequence[int]
                ) -> None:
-    """
-    Make an array; one of the same name is replaced.
-
-    Parameters
-    ----------
-    group : zarr.Group
-        Receives it.
-    variable : Variable
-        What it is.
-    shape, chunks : sequence of int
-        Lengths of the array and of its chunks.
-
-    """
+    """Make an array; one of the same name is replaced."""
     # An array cannot have chunks of no length.
     settings: dict[str, Any] = {
         'shape': tuple(shape), 'chunks': tuple(max(1, n) for n in chunks),
@@ -105,21 +67,7 @@ def to_write(group: Any, name: str) -> Any:
 
 
 def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[Any, Any]) -> None:
-    """
-    Make an array of one chunk, and add the checksum by which it is known again.
-
-    Parameters
-    ----------
-    path : Path
-        Directory of the group.
-    group : zarr.Group
-        Receives it.
-    variable : Variable
-        What it is; its type is that of the values.
-    values : ndarray
-        All of it.
-
-    """
+    """Make an array of one chunk, with the type of its values and its checksum."""
     make_array(group, Variable(variable.name, variable.dimensions, values.dtype.str,
                                variable.attributes), values.shape, values.shape)
     if values.size:
@@ -128,49 +76,19 @@ def write_array(path: Path, group: Any, variable: Variable, values: np.ndarray[A
 
 
 def write_axis(path: Path, group: Any, axis: Axis) -> None:
-    """
-    Make the array of an axis.
-
-    Parameters
-    ----------
-    path : Path
-        Directory of the group.
-    group : zarr.Group
-        Receives it.
-    axis : Axis
-        All of it.
-
-    """
+    """Make the array of an axis."""
     write_array(path, group, Variable(axis.name, (axis.name,), '', axis.attributes),
                 np.asarray(axis.values))
 
 
 def set_attributes(group: Any, attributes: Mapping[str, Any]) -> None:
-    """
-    Add attributes to a group, and the checksum of all.
-
-    Parameters
-    ----------
-    group : zarr.Group
-        Receives them.
-    attributes : mapping
-        Plain values.
-
-    """
+    """Add attributes to a group, and the checksum of all."""
     merged = dict(group.attrs) | plain(attributes)
     group.attrs.update(merged | {CHECKSUM: attributes_checksum(merged)})
 
 
 def consolidate(path: Path) -> None:
-    """
-    Copy all documents of a group into one.
-
-    Parameters
-    ----------
-    path : Path
-        Its directory.
-
-    """
+    """Copy all documents of a group into one."""
     with reading(path):
         if OF_ZARR_2:
             zarr.consolidate_metadata(str(path))
@@ -180,25 +98,7 @@ def consolidate(path: Path) -> None:
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """
-    Turn what zarr and its codecs say of a broken file into one line.
-
-    Parameters
-    ----------
-    path : Path
-        What is read.
-
-    Yields
-    ------
-    None
-        While it is.
-
-    Raises
-    ------
-    StoreError
-        Where it cannot be read.
-
-    """
+    """Turn what zarr and its codecs say of a broken file into a StoreError of one line."""
     try:
         yield
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError,

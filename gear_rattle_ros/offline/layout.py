@@ -9,21 +9,7 @@ import numpy.typing as npt
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
-    """
-    An array of a store.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    dimensions : tuple of str
-        Their names.
-    dtype : str
-        Type of its elements, as numpy writes it.
-    attributes : mapping
-        `long_name`, `units` and the like.
-
-    """
+    """An array of a store; its attributes are `long_name`, `units` and the like."""
 
     name: str
     dimensions: tuple[str, ...]
@@ -33,21 +19,7 @@ class Variable:
 
 @dataclasses.dataclass(frozen=True)
 class Axis:
-    """
-    A dimension with a coordinate.
-
-    Attributes
-    ----------
-    name : str
-        Of dimension and coordinate.
-    values : ndarray
-        The coordinate.
-    attributes : mapping
-        `long_name`, `units` and the like.
-    tile : int
-        Length of a tile along it; 0 where tiles span all of it.
-
-    """
+    """A dimension with its coordinate; `tile` is a tile's length along it, 0 for all of it."""
 
     name: str
     values: npt.NDArray[Any]
@@ -58,20 +30,11 @@ class Axis:
 @dataclasses.dataclass(frozen=True)
 class Layout:
     """
-    What a store consists of.
+    What a store consists of: axes, arrays that are written tile by tile, and attributes.
 
-    Attributes
-    ----------
-    axes : tuple of Axis
-        Dimensions and coordinates.
-    variables : tuple of Variable
-        The arrays that are written tile by tile.
-    identity : mapping
-        What makes it this result and no other (tool, parameters, windows, tolerances ...): plain
-        numbers, strings and lists. It is written as attributes; a store of another is not resumed.
-    attributes : mapping
-        Further attributes.
-
+    `identity` is what makes it this result and no other (tool, parameters, windows, tolerances
+    ...): plain numbers, strings and lists. It is written as attributes; a store of another is not
+    resumed.
     """
 
     axes: tuple[Axis, ...]

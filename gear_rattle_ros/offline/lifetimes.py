@@ -111,15 +111,7 @@ class Escape:
     mean_error: float
 
     def describe(self) -> str:
-        """
-        Put it in words.
-
-        Returns
-        -------
-        str
-            A few lines.
-
-        """
+        """Put it in words, on a few lines."""
         lines = [
             f'{self.censored:,} of {counted(self.starts, "initial condition")} '
             f'({self.censored / self.starts:.2%}) live {counted(self.cap, "impact")} or longer',
@@ -311,20 +303,7 @@ def _mean_and_spread(values: npt.NDArray[np.float64], counts: IntArray) -> tuple
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `lifetimes`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 with one line that says why, 130 after Ctrl-C.
-
-    """
+    """Run the command `lifetimes`."""
     parser = options.Parser(
         NAME, description='Find how long every start of a grid is transient. Chaos counts as '
         'transient: only an orbit or rest ends it.')

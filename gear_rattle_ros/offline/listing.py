@@ -8,22 +8,7 @@ from ..core.words import counted, in_columns
 
 
 def listed(catalogue: Catalogue, cells: Mapping[int, int] | None = None) -> str:
-    """
-    List attractors, numbered as in the store and in every picture.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        The attractors.
-    cells : mapping, optional
-        Cells of a grid by label, where there is a grid.
-
-    Returns
-    -------
-    str
-        A line for each below the headings; one line where areas are kept.
-
-    """
+    """List attractors, numbered as in the store and in every picture, with their cells."""
     if conserves_areas(catalogue.parameters):
         return CONSERVES
     headings = [' label', 'key', 'kind', ' random initial conditions [%]', 'period or exponents']

@@ -19,16 +19,7 @@ class Progress:
     """
     Progress with rate and time left.
 
-    Parameters
-    ----------
-    name : str
-        What is running.
-    total : int
-        How many things there are to do.
-    stream : TextIO
-        Where to; one line that is overwritten where it is a terminal, a line now and then
-        elsewhere.
-
+    On a terminal it is one line that is overwritten, elsewhere a line now and then.
     """
 
     def __init__(self, name: str, total: int, stream: TextIO) -> None:
@@ -71,20 +62,7 @@ class Progress:
 
 
 def in_words(seconds: float) -> str:
-    """
-    Put a duration in words.
-
-    Parameters
-    ----------
-    seconds : float
-        The duration [s].
-
-    Returns
-    -------
-    str
-        Seconds, minutes or hours.
-
-    """
+    """Put a duration [s] in words."""
     if seconds < 99.5:
         return f'{seconds:.0f} s'
     if seconds < 99.5 * 60.0:
@@ -96,13 +74,7 @@ class Compilation(event.Listener):
     """
     Tell of the first compilation; kernels that come from the cache are no news.
 
-    Parameters
-    ----------
-    name : str
-        What is running.
-    stream : TextIO
-        Where to; on a terminal the kernels are counted as they are compiled.
-
+    On a terminal the kernels are counted as they are compiled.
     """
 
     def __init__(self, name: str, stream: TextIO) -> None:
@@ -147,17 +119,7 @@ class Compilation(event.Listener):
 
 @contextlib.contextmanager
 def telling_of_compilation(name: str, stream: TextIO) -> Iterator[None]:
-    """
-    Tell of the first compilation while something runs.
-
-    Parameters
-    ----------
-    name : str
-        What is running.
-    stream : TextIO
-        Where to.
-
-    """
+    """Tell of the first compilation while something runs."""
     listener = Compilation(name, stream)
     event.register('numba:compile', listener)
     try:

@@ -26,17 +26,9 @@ _CANDIDATES: Final = 16
 @dataclasses.dataclass
 class Tally:
     """
-    What came out of it.
+    How many reports were found again, bit for bit, and the first that was not.
 
-    Attributes
-    ----------
-    found : int
-        Reports found again, bit for bit.
-    beyond : int
-        Reports that rest on what is not in the bag.
-    fault : str
-        The first that is not found again; empty if there is none.
-
+    `beyond` counts reports that rest on what is not in the bag.
     """
 
     found: int = 0
@@ -90,14 +82,8 @@ class Exponents(Recomputed):
     """
     Recompute every estimate of the Lyapunov node.
 
-    Its average begins at a retune or reset, where the node came in, or behind a hole; the last
-    two at the first record of a batch, which the estimate itself names by index and epoch.
-
-    Parameters
-    ----------
-    reports : sequence of Named
-        What the node published, in order.
-
+    Its average begins at a retune or reset, where the node came in, or behind a hole; the last two
+    at the first record of a batch, which the estimate itself names by index and epoch.
     """
 
     def __init__(self, reports: Sequence[Named]) -> None:
@@ -193,12 +179,6 @@ class Transients(Recomputed):
 
     The topic is latched, one deep: of reports in quick succession the last may be all that was
     published, so those recorded are looked for among those computed.
-
-    Parameters
-    ----------
-    reports : sequence of Named
-        What the node published, in order.
-
     """
 
     def __init__(self, reports: Sequence[Named]) -> None:

@@ -35,21 +35,10 @@ class Accounts:
 @dataclasses.dataclass(frozen=True)
 class Recovery:
     """
-    What was recovered.
+    What was recovered: `messages` in the new bag, and the events of each topic.
 
-    Attributes
-    ----------
-    messages : int
-        In the new bag.
-    nameless : int
-        Messages of topics that are described nowhere.
-    damages : tuple of (Path, Damage)
-        Stretches of the files from which nothing could be read.
-    unclosed : tuple of Path
-        Files that were cut off.
-    accounts : dict of str to Accounts
-        Of the topics of events.
-
+    `nameless` messages are of topics that are described nowhere and left out, `damages` are
+    stretches from which nothing could be read, `unclosed` files were cut off.
     """
 
     messages: int

@@ -117,17 +117,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *
 
 
 class _Search:
-    """
-    A search under way.
-
-    Attributes
-    ----------
-    left : ndarray of int
-        Numbers of the initial conditions that have not settled.
-    followed : int
-        Impacts for which these have been followed.
-
-    """
+    """A search under way: in `followed` impacts those numbered in `left` have not settled."""
 
     def __init__(self, catalogue: Catalogue, starts: RecordArray, settings: dict[str, Any]
                  ) -> None:

@@ -27,28 +27,10 @@ TABLES: Final = ('orbit_phase', 'orbit_velocity')
 @dataclasses.dataclass(frozen=True)
 class Section:
     """
-    What is counted.
+    What is counted on the section.
 
-    Attributes
-    ----------
-    parameters : Parameters
-        The parameters.
-    plane : Plane
-        Where starts are drawn from.
-    trajectories, seed : int
-        How many, and of which seed.
-    skip, keep : int
-        Impacts passed over, then counted.
-    velocity : tuple of float
-        Window of the velocity [1].
-    phases, velocities : int
-        Bins.
-
-    Raises
-    ------
-    ValueError
-        If a window is empty or nothing is counted.
-
+    Random initial conditions in `plane` are followed for `skip` impacts, then `keep` are counted
+    in `phases` times `velocities` bins, the latter over the window `velocity` [1].
     """
 
     parameters: Parameters
@@ -69,24 +51,7 @@ class Section:
 
 
 def compute(section: Section, run: Run) -> tuple[Store, str]:
-    """
-    Count impacts.
-
-    Parameters
-    ----------
-    section : Section
-        What is counted.
-    run : Run
-        Where to.
-
-    Returns
-    -------
-    store : Store
-        Its store.
-    words : str
-        What was seen, as a table.
-
-    """
+    """Count impacts; return the store and what was seen, as a table."""
     store = make_store(run.output, _layout(section), run.command, resume=run.resume)
     if not store.pending() and all(store.has_table(name) for name in TABLES):
         return store, str(store.attributes['seen'])
@@ -153,20 +118,7 @@ def _layout(section: Section) -> Layout:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `section`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status.
-
-    """
+    """Run the command `section`."""
     parser = Parser('section', description='Count impacts on the section of phase and velocity.')
     add_model(parser, alpha=1.23)
     parser.add_argument('--trajectories', type=whole(1), default=64, metavar='N',

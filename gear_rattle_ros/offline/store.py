@@ -76,27 +76,11 @@ class Store:
         return dict(self._group.attrs)
 
     def pending(self) -> list[int]:
-        """
-        List the tiles that are still to be done.
-
-        Returns
-        -------
-        list of int
-            Their numbers.
-
-        """
+        """List the numbers of the tiles that are still to be done."""
         return [int(tile) for tile in np.flatnonzero(self._done == 0)]
 
     def marked(self) -> dict[int, bool]:
-        """
-        Tell of the tiles that are done whether they are as they were written.
-
-        Returns
-        -------
-        dict
-            By number.
-
-        """
+        """Return for every tile that is done whether it is as it was written, by number."""
         return {tile: bool(self._checksums[tile] == self._checksum(tile))
                 for tile in np.flatnonzero(self._done).tolist()}
 

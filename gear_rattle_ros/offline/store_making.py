@@ -76,15 +76,7 @@ def make_store(path: Path, layout: Layout, command: str, *, resume: bool = False
 
 
 def versions() -> dict[str, str]:
-    """
-    Tell what computes here.
-
-    Returns
-    -------
-    dict
-        Version of Python and of the packages that decide over the numbers.
-
-    """
+    """Return the versions of Python and of the packages that decide over the numbers."""
     found = {'python': platform.python_version()}
     for name in ('gear_rattle_ros', 'numpy', 'numba', 'zarr'):
         try:

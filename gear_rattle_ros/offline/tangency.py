@@ -33,42 +33,14 @@ SEARCHES: Final = 22 + SHIFTS
 
 @dataclasses.dataclass(frozen=True)
 class Boundary:
-    """
-    An orbit that captures, and the saddle on the boundary of its basin.
-
-    Attributes
-    ----------
-    captor, saddle : Orbit
-        At some alpha.
-    fold : float
-        Where both are born [1].
-
-    """
+    """An orbit that captures, the saddle on its boundary, and the alpha where both are born."""
 
     captor: Orbit
     saddle: Orbit
     fold: float
 
     def at(self, alpha: float) -> 'Boundary':
-        """
-        Carry both orbits to another alpha.
-
-        Parameters
-        ----------
-        alpha : float
-            The amplitude [1].
-
-        Returns
-        -------
-        Boundary
-            There.
-
-        Raises
-        ------
-        ValueError
-            If an orbit ends on the way.
-
-        """
+        """Carry both orbits to another alpha; ValueError where one ends on the way."""
         return Boundary(carry(self.captor, alpha), carry(self.saddle, alpha), self.fold)
 
     @property
@@ -80,19 +52,10 @@ class Boundary:
 @dataclasses.dataclass(frozen=True)
 class Tangency:
     """
-    Where the manifolds touch.
+    The crisis, where the manifolds touch, and how well its alpha is located [1].
 
-    Attributes
-    ----------
-    alpha, uncertainty : float
-        The crisis, and how well it is located [1].
-    edge : Edge
-        The point that touches.
-    saddle : Saddle
-        There.
-    fold : float
-        Where the captor and the saddle are born [1].
-
+    `edge` is the point that touches, `fold` the alpha where the captor and the saddle are born
+    [1].
     """
 
     alpha: float
@@ -103,27 +66,7 @@ class Tangency:
 
 
 def carry(orbit: Orbit, alpha: float) -> Orbit:
-    """
-    Follow an orbit to another alpha, without a fold between.
-
-    Parameters
-    ----------
-    orbit : Orbit
-        The orbit.
-    alpha : float
-        The amplitude [1].
-
-    Returns
-    -------
-    Orbit
-        There.
-
-    Raises
-    ------
-    ValueError
-        If it ends on the way.
-
-    """
+    """Follow an orbit to another alpha, without a fold between; ValueError where it ends."""
     now = orbit.parameters.alpha
     for value in np.linspace(now, alpha, max(2, 1 + round(abs(alpha - now) / STEP)))[1:]:
         parameters = dataclasses.replace(orbit.parameters, alpha=float(value))
@@ -139,25 +82,9 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
     """
     Find the orbit that captures trajectories beyond a crisis, and its saddle.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Beyond the crisis: all trajectories are captured in the end.
-    low : float
-        An alpha before it [1].
-    seed : int
-        Of the starts.
-
-    Returns
-    -------
-    Boundary
-        At the parameters.
-
-    Raises
-    ------
-    ValueError
-        If no trajectory settles on a periodic orbit, or it has no saddle.
-
+    The crisis lies between `low` and the alpha of the parameters, where all trajectories are
+    captured in the end. ValueError says that none is by a periodic orbit, or that it has no
+    saddle.
     """
     found = find_attractors(parameters, Plane().random_starts(parameters, 64, seed), hold=HOLD,
                             chaotic=False).attractors
@@ -184,26 +111,9 @@ def find_tangency(boundary: Boundary, low: float, high: float,
     """
     Find where the unstable manifold of the saddle first crosses its stable one.
 
-    Parameters
-    ----------
-    boundary : Boundary
-        The orbits.
-    low, high : float
-        Before and beyond the crisis [1].
-    told : callable
-        Is told of every alpha that was tried.
-
-    Returns
-    -------
-    Tangency
-        By bisection, then by secants once the distance is smooth; searched again more finely at
-        the end, which gives part of the uncertainty.
-
-    Raises
-    ------
-    ValueError
-        If the bracket does not hold a crisis.
-
+    Bisection is followed by secants once the distance is smooth; a finer search at the end gives
+    part of the uncertainty. `told` is told of every alpha that was tried. ValueError says that
+    `low` and `high` do not bracket a crisis.
     """
     def look(alpha: float, near: float | None = None, seed: float = SEED_DISTANCE) -> Edge:
         edge = find_edge(boundary.at(alpha).directions, near=near, seed=seed)
@@ -250,19 +160,10 @@ def find_tangency(boundary: Boundary, low: float, high: float,
 
 def radius_of(boundary: Boundary) -> float:
     """
-    Choose how near a trajectory must come to count as captured.
+    Choose how near to the captor a trajectory counts as captured [rad, 1].
 
-    Parameters
-    ----------
-    boundary : Boundary
-        The orbits.
-
-    Returns
-    -------
-    float
-        A tenth of the way from the captor to the saddle, at their nearest points [rad, 1];
-        rounded, so that it is the same on every machine.
-
+    It is a tenth of the way to the saddle at their nearest points, rounded, so that it is the same
+    on every machine.
     """
     apart = boundary.captor.points[:, None] - boundary.saddle.points[None]
     apart[..., 0] -= TWO_PI * np.round(apart[..., 0] / TWO_PI)

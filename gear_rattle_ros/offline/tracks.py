@@ -14,47 +14,35 @@ GAP: Final = 5
 def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[np.bool_],
           is_attractor: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """
-    Give numbers to the attractors of an orbit diagram.
+    Give the attractors of an orbit diagram numbers from 0 on, and -1 where there is none.
 
-    Parameters
-    ----------
-    keys : ndarray of str, shape (sweep, alpha, slot)
-        Names: at one alpha the same name is the same attractor.
-    points : ndarray of float, shape (sweep, alpha, slot, point, 3)
-        Wall, phase [rad] and velocity [1] of impacts of each, nan for fewer.
-    chaotic, is_attractor : ndarray of bool, shape (sweep, alpha, slot)
-        What is chaotic, and what is an attractor at all.
-
-    Returns
-    -------
-    ndarray of int, shape (sweep, alpha, slot)
-        Numbers from 0 on, -1 for no attractor; the one seen over most columns first.
-
+    The arrays are (sweep, alpha, slot ...). At one alpha the same key is the same attractor;
+    `points` are wall, phase [rad] and velocity [1] of impacts, nan for fewer. The attractor that
+    is seen over most columns comes first.
     """
     numbers = np.full(keys.shape, -1, np.int64)
     count = 0
-    # Rest has no impacts, but one name at every alpha.
-    resting: dict[str, int] = {}
+    # What rests has no impacts: its name is its own at every alpha.
+    resting = is_attractor & ~np.isfinite(points[..., 0, 0])
+    for key in np.unique(keys[resting]):
+        numbers[resting & (keys == key)] = count
+        count += 1
     for s in range(len(keys)):
         seen: dict[int, tuple[int, Trace]] = {}
         for c in range(keys.shape[1]):
             # The same alpha in another sweep is surer than a neighbour.
             here = {keys[place][c][slot]: int(numbers[place, c, slot])
                     for place, slot in np.argwhere(numbers[:s, c] >= 0)}
-            for k in np.flatnonzero(is_attractor[s, c]):
-                if np.isnan(points[s, c, k]).all():
-                    count += keys[s, c, k] not in resting
-                    here[keys[s, c, k]] = resting.setdefault(keys[s, c, k], count - 1)
+            for k in np.flatnonzero(is_attractor[s, c] & ~resting[s, c]):
                 numbers[s, c, k] = here.get(keys[s, c, k], -1)
             left = [int(k) for k in np.flatnonzero(is_attractor[s, c] & (numbers[s, c] < 0))]
             recent = tuple(trace for number, (last, trace) in seen.items()
-                           if c - last <= GAP and len(trace.points)
-                           and number not in numbers[s, c])
+                           if c - last <= GAP and number not in numbers[s, c])
             _, found = follow(recent, [_of(points[s, c, k], chaotic[s, c, k]) for k in left],
                               fresh=count)
             numbers[s, c, left] = found
             count = max(count, int(numbers.max()) + 1)
-            for k in np.flatnonzero(numbers[s, c] >= 0):
+            for k in np.flatnonzero((numbers[s, c] >= 0) & ~resting[s, c]):
                 number = int(numbers[s, c, k])
                 seen[number] = c, Trace(number, *_of(points[s, c, k], chaotic[s, c, k]))
     return _by_length(numbers, count)

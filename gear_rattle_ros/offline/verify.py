@@ -31,28 +31,12 @@ class Verdict:
     """
     What a bag has proved to be.
 
-    Attributes
-    ----------
-    events, impacts, kicked, flights, epochs, runs : int
-        Seen; kicked by noise; rebuilt from one record to the next; seen.
-    exponents, transients : int
-        Estimates and reports that were found again, bit for bit.
-    beyond : int
-        Estimates and reports that rest on events which are not in the bag.
-    imbalance : float
-        Largest difference of the mean force of the walls from what it must be, at the ends of
-        batches [1].
-    holes, anew : tuple of Hole
-        Where records are missing, and where the numbers begin anew in mid-run.
-    fault : str
-        The first record or report that does not follow from the events before it, or empty.
-    kernels : frozenset of str
-        Fingerprints of the kernels that the simulators of the bag have told.
-    is_whole : bool
-        Whether the bag was closed properly.
-    seconds : float
-        What verifying it took [s].
-
+    `flights` were rebuilt from one record to the next; `exponents` and `transients` were found
+    again, bit for bit, but for those `beyond` that rest on events which are not in the bag.
+    `imbalance` is the largest difference of the mean force of the walls from what it must be, at
+    the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
+    record or report that does not follow from the events before it, `kernels` the fingerprints
+    that the simulators told.
     """
 
     events: int
@@ -78,15 +62,7 @@ class Verdict:
         return bool(self.events) and not (self.fault or self.holes or self.anew)
 
     def describe(self) -> str:
-        """
-        Put the verdict in words.
-
-        Returns
-        -------
-        str
-            One line; a line more for every hole.
-
-        """
+        """Put the verdict in one line, and a line more for every hole."""
         seen = (f'{counted(self.events, "event")} ({counted(self.impacts, "impact")}, '
                 f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
                 f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')
@@ -126,26 +102,10 @@ class Verdict:
 
 def verify(path: Path, topic: str = '') -> Verdict:
     """
-    Verify a bag.
+    Verify a bag; BagError where it cannot be read or has no such topic.
 
-    Parameters
-    ----------
-    path : Path
-        A bag directory or an .mcap file.
-    topic : str
-        Of the events; without it, the one whose last part is ``impacts``. The exponents and
-        transients are those beside it.
-
-    Returns
-    -------
-    Verdict
-        What came out.
-
-    Raises
-    ------
-    BagError
-        If the bag cannot be read, or there is no such topic.
-
+    Without `topic`, the events are those of the one whose last part is ``impacts``; the exponents
+    and transients are those beside it.
     """
     began = time.monotonic()
     bag = Bag(path)
