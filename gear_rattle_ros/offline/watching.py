@@ -171,7 +171,7 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
         certain = _without_slow_chaos(find_attractors(
             parameters, planes[1].random_starts(parameters, STARTS, SEED), hold=HOLD,
             threads=threads, effort=BRIEF, check=check)).with_orbits(seen.orbits)
-        hastened = _hastened(certain, first.states[first.labels.flat >= 0], threads, check)
+        hastened = _hastened(certain, first.states[first.labels.ravel() >= 0], threads, check)
         for plane in planes[1:-1]:
             yield level_of(plane, ROUNDS[-1], int(edge_of(plane) >= WHOLE_FROM)), hastened
         yield level_of(planes[-1], cap), certain
