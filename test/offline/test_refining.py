@@ -1,4 +1,4 @@
-"""Levels in rounds, in slices and interrupted, against one pass; orbits that no search has found."""
+"""Levels in slices and rounds against one pass, and orbits that no search has found."""
 
 from collections.abc import Iterator
 import dataclasses
