@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from .view import HOLD, LIFETIMES, STARTS, View
-from ..core.closed_orbits import Orbit
+from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
 from ..offline.catalogue import Catalogue
 from ..offline.grid import Plane
@@ -33,17 +33,7 @@ class GivenUp(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """
-    What is known at some parameters.
-
-    Attributes
-    ----------
-    catalogue : Catalogue
-        What a search has found.
-    is_complete : bool
-        Whether nothing was left to a more thorough search.
-
-    """
+    """What a search has found, and whether nothing was left to a more thorough one."""
 
     catalogue: Catalogue
     is_complete: bool = True
@@ -58,45 +48,21 @@ class Catalogues:
         self._searching = threading.Lock()
 
     def quick(self, view: View) -> Known:
-        """
-        Tell what a quick search finds, or more where that is known.
-
-        Parameters
-        ----------
-        view : View
-            Its parameters count.
-
-        Returns
-        -------
-        Known
-            Within a tenth of a second; chaotic attractors only if they are known already.
-
-        """
+        """Tell what a quick search finds: chaotic attractors only if they are known already."""
         known = self._get(_key(view))
         if known is None:
             found = find_attractors(view.parameters, _random(view, QUICK_STARTS), hold=QUICK_HOLD,
                                     chaotic=False)
             # What the last look at a few has not settled is nearly always chaos, or a long way.
-            is_complete = not np.any(found.labels == -1)
+            is_complete = not np.any(found.labels == UNRESOLVED)
             known = self._put(_key(view), Known(found, is_complete=is_complete))
         return known
 
     def complete(self, view: View, check: Callable[[], None]) -> Known:
         """
-        Tell what a thorough search finds.
+        Tell what a thorough search finds; `check` is called often and raises to give it up.
 
-        Parameters
-        ----------
-        view : View
-            Its parameters count.
-        check : callable
-            Called often; raises to give the search up.
-
-        Returns
-        -------
-        Known
-            Chaotic attractors too, unless the picture is of lifetimes, where chaos is transient.
-
+        Chaotic attractors, too, unless the picture is of lifetimes, where chaos is transient.
         """
         key = _key(view)
         known = self._get(key)
@@ -117,26 +83,11 @@ class Catalogues:
             known = self._get(key)
         return known
 
-    def add(self, view: View, orbits: list[Orbit]) -> Known:
-        """
-        Remember orbits that no random start has reached.
-
-        Parameters
-        ----------
-        view : View
-            Its parameters count.
-        orbits : list of Orbit
-            Stable ones.
-
-        Returns
-        -------
-        Known
-            With those that are new.
-
-        """
+    def add(self, view: View, catalogue: Catalogue) -> None:
+        """Remember the orbits of a catalogue that no random start has reached."""
         known = self.quick(view)
-        return self._put(_key(view), dataclasses.replace(
-            known, catalogue=known.catalogue.with_orbits(tuple(orbits))))
+        self._put(_key(view), dataclasses.replace(
+            known, catalogue=known.catalogue.with_orbits(catalogue.late)))
 
     def _search(self, key: Key, view: View, given_up: threading.Event) -> None:
         def check() -> None:

@@ -15,6 +15,7 @@ from .computing import Picture
 from .view import CAP, LIFETIMES, SPAN
 from ..core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
 from ..offline.matching import follow, points_of, Trace
+from ..offline.search import CONSERVES, conserves_areas
 from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb, UNSETTLED
 
 NAMES: Final = {
@@ -39,7 +40,10 @@ class Colours:
         found = points_of(known.catalogue)
         traces, hues = follow(self.traces, found, is_complete=known.is_complete)
         keys = [each.key for each in known.catalogue.attractors if each.label >= 0]
-        return Colours(traces, colours_of(hues), NAMES | dict(enumerate(keys)))
+        names = NAMES | dict(enumerate(keys))
+        if conserves_areas(known.catalogue.parameters):
+            names[UNRESOLVED] = f'unsettled: {CONSERVES}'
+        return Colours(traces, colours_of(hues), names)
 
 
 def paint(picture: Picture, colours: Colours) -> Pixels:
@@ -81,7 +85,8 @@ def legend(picture: Picture, colours: Colours) -> str:
         bar = _bar(list(Inferno256[::32]) + [Inferno256[-1]])
         words = f'lifetime [impacts]&ensp;1 {bar} {CAP:,}'
         if UNRESOLVED in shares:
-            words += f'&emsp;{_swatch(UNSETTLED)} longer {shares[UNRESOLVED]:.1%}'
+            words += (f'&emsp;{_swatch(UNSETTLED)} {colours.names[UNRESOLVED]} '
+                      f'{shares[UNRESOLVED]:.1%}')
         return words
     ordered = sorted(shares, key=lambda label: -shares[label])
     most = 6

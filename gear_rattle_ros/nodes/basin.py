@@ -33,8 +33,8 @@ from ..messages import (
 from ..offline.catalogue import Attractor, OTHERS
 from ..offline.grid import Plane
 from ..offline.matching import follow, points_of, Trace
-from ..offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
-from ..offline.search import find_attractors
+from ..offline.search import CONSERVES, conserves_areas, find_attractors
+from ..offline.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..palette import colours_of, painted
 from ..parameters import BASIN
 from ..qos import LATCHED, NEWEST
@@ -156,14 +156,14 @@ class Job(threading.Thread):
 
     def _compute(self) -> None:
         wanted, settings, memory = self.wanted, self._settings, self._memory
-        seen = glance(wanted.parameters, memory.hints())
+        seen, fastest = glance(wanted.parameters, memory.hints())
         limit = settings.velocity_limit or (
-            nice_limit(ROOM * seen.fastest, memory.limit) if seen.fastest else memory.limit or 1.0)
+            nice_limit(ROOM * fastest, memory.limit) if fastest else memory.limit or 1.0)
         sizes = settings.sizes[:1] if self.is_coarse else settings.sizes
         planes = [Plane(settings.displacement, velocity=(-limit, limit), phases=size,
                         velocities=size) for size in sizes]
-        for basins in refine(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
-                             threads=settings.threads, is_dropped=self._dropped.is_set):
+        for basins in watch(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
+                            threads=settings.threads, is_dropped=self._dropped.is_set):
             traces, hues = follow(memory.traces, points_of(basins.catalogue),
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
@@ -328,16 +328,18 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
     """Return what is known of the picture, and of every attractor."""
     stamp = stamp_from_nanoseconds(wanted.stamp)
     plane, parameters = basins.plane, wanted.parameters
-    unresolved = basins.share(UNRESOLVED)
+    unsettled = basins.share(UNRESOLVED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
              f'{counted(sum(each.label != UNRESOLVED for each in found), "attractor")}, '
-             f'{unresolved:.1%} unsettled')
+             f'{unsettled:.1%} unsettled')
+    if conserves_areas(parameters):
+        words += f': {CONSERVES}'
     state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
         'plane': 'section' if settings.on_walls else 'displacement',
         'displacement': plane.displacement, 'phase_low': plane.phase[0],
         'phase_high': plane.phase[1], 'velocity_low': plane.velocity[0],
-        'velocity_high': plane.velocity[1], 'unsettled': unresolved,
+        'velocity_high': plane.velocity[1], 'unsettled': unsettled,
         'has_searched_chaos': basins.is_complete}, stamp)
     for each in found:
         state.status.extend(diagnostic_array(
@@ -350,10 +352,10 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
 
 def warm_up(settings: Settings) -> None:
     """Compile everything before anything is wanted."""
-    seen = glance(Parameters(), np.zeros((0, 3)))
+    seen, _ = glance(Parameters(), np.zeros((0, 3)))
     planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
-    for basins in refine(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
-                         is_dropped=lambda: False):
+    for basins in watch(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
+                        is_dropped=lambda: False):
         follow((), points_of(basins.catalogue))
     chaos = Parameters(alpha=1.1)
     find_attractors(chaos, planes[0].random_starts(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)

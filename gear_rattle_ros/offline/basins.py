@@ -14,7 +14,8 @@ from .grid import Plane
 from .listing import listed
 from .search import find_attractors, STARTS
 from .store import Store
-from .tiles import compute_grid, grid_layout, open_grid
+from .store_making import make_store
+from .tiles import compute_grid, grid_layout
 from ..core.classify import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
@@ -84,7 +85,8 @@ def compute_basins(parameters: Parameters, plane: Plane, run: cli.Run, settings:
     del others['tile']
     identity = identity_of(run.name, parameters, plane, **others,
                            size=[plane.phases, plane.velocities])
-    store = open_grid(run, grid_layout(plane, identity, title, settings.cap, settings.tile))
+    store = make_store(run.output, grid_layout(
+        plane, identity, title, settings.cap, settings.tile), run.command, resume=run.resume)
     catalogue = find_attractors(
         parameters, plane.random_starts(parameters, settings.starts, settings.seed),
         tolerance=settings.tolerance, hold=settings.hold, chaotic=settings.chaotic,

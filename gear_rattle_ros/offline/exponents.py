@@ -8,10 +8,11 @@ import numpy.typing as npt
 
 from . import cli, options
 from .attractors import identity_of
-from .catalogue import BATCH
+from .catalogue import BATCH, go_on
 from .engine import run_tiles
 from .grid import Plane, StartArray
 from .layout import Axis, Layout, Variable
+from .search import Check
 from .store import Store
 from .store_making import make_store
 from ..core.growth import grow, STEPS
@@ -25,8 +26,8 @@ IMPACTS: Final = 50
 EDGE: Final = 100
 
 
-def finite_time_exponents(starts: StartArray, count: int, threads: int | None = None
-                          ) -> npt.NDArray[np.float64]:
+def finite_time_exponents(starts: StartArray, count: int, threads: int | None = None,
+                          check: Check = go_on) -> npt.NDArray[np.float64]:
     """
     Find the largest finite-time exponents of starts.
 
@@ -38,6 +39,8 @@ def finite_time_exponents(starts: StartArray, count: int, threads: int | None = 
         Impacts, at least 1.
     threads : int, optional
         How many; by default one for each processor.
+    check : callable
+        Called for every batch; raises to give up.
 
     Returns
     -------
@@ -48,6 +51,7 @@ def finite_time_exponents(starts: StartArray, count: int, threads: int | None = 
     exponents = np.zeros(len(starts))
 
     def work(batch: int) -> None:
+        check()
         part = slice(batch * BATCH, (batch + 1) * BATCH)
         grow(new_tiles(1)[0], new_impacts(STEPS), starts[part], count, exponents[part])
 

@@ -4,20 +4,19 @@ from collections.abc import Callable
 import dataclasses
 import functools
 import json
+import math
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from .catalogue import Catalogue, follow_here, moved
+from .catalogue import Catalogue
 from .cli import Run
 from .engine import run_tiles
 from .grid import Plane
 from .layout import Axis, Layout, Variable
-from .search import orbits_among
+from .refining import late_orbits, Level
 from .store import Store
-from .store_making import make_store
-from ..core.chaos import GLANCE
 from ..core.classify import RESULT, UNRESOLVED
 from ..core.closed_orbits import Orbit
 from ..core.model import Parameters
@@ -25,8 +24,6 @@ from ..core.model import Parameters
 LABELS: Final = '<i2'
 LIFETIMES: Final = '<i4'
 GRIDS: Final = ('label', 'lifetime', 'stick', 'release')
-# Impacts of a start that are looked at where it has not settled, and longest period.
-LOOKED_AT: Final = GLANCE[1:]
 LATE: Final = 'late_orbits'
 # Tiles: as many along an edge, within these lengths.
 ACROSS: Final = 4
@@ -36,21 +33,7 @@ LONGEST: Final = 500
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """
-    What a worker has to know to compute any tile.
-
-    Attributes
-    ----------
-    path : Path
-        The store.
-    plane : Plane
-        All cells.
-    cap : int
-        Impacts after which a start is given up.
-    catalogue : Catalogue
-        Known attractors.
-
-    """
+    """What a worker has to know to compute any tile; `cap` as `grid_layout` takes it."""
 
     path: Path
     plane: Plane
@@ -60,17 +43,7 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Done:
-    """
-    What is told of a tile.
-
-    Attributes
-    ----------
-    impacts : int
-        Impacts made.
-    orbits : tuple of Orbit
-        Stable orbits that the table did not know.
-
-    """
+    """What is told of a tile: impacts made, and stable orbits that the catalogue did not know."""
 
     impacts: int
     orbits: tuple[Orbit, ...]
@@ -121,66 +94,26 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
         identity, {'title': title})
 
 
-def compute_tile(job: Job, tile: int) -> Done:
-    """
-    Compute and store a tile.
-
-    Parameters
-    ----------
-    job : Job
-        What to compute.
-    tile : int
-        Its number.
-
-    Returns
-    -------
-    Done
-        What to tell.
-
-    """
-    store = Store(job.path)
-    starts = job.plane.starts(
-        job.catalogue.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])
-    results = np.zeros(len(starts), RESULT)
-    impacts = follow_here(starts, job.cap, job.catalogue.table, results)
-    _write(store, tile, results)
-    left = results['label'] == UNRESOLVED
-    return Done(impacts, tuple(orbits_among(
-        job.catalogue.parameters, moved(starts[left], results[left]), *LOOKED_AT,
-        job.catalogue.tolerance)))
-
-
-def resolve_tile(job: Job, tile: int) -> Done:
-    """
-    Follow the unresolved starts of a tile once more, with a table that knows more.
-
-    Parameters
-    ----------
-    job : Job
-        What to compute.
-    tile : int
-        Its number.
-
-    Returns
-    -------
-    Done
-        What to tell.
-
-    """
-    store = Store(job.path)
-    left = store.read(tile, 'label').ravel() == UNRESOLVED
-    if not np.any(left):
-        return Done(0, ())
-    starts = job.plane.starts(
-        job.catalogue.parameters, store.tiles[tile]['velocity'], store.tiles[tile]['phase'])[left]
-    found = np.zeros(len(starts), RESULT)
-    impacts = follow_here(starts, job.cap, job.catalogue.table, found)
-    results = np.zeros(len(left), RESULT)
-    for name in GRIDS:
-        results[name] = store.read(tile, name).ravel()
-        results[name][left] = found[name]
-    _write(store, tile, results)
-    return Done(impacts, ())
+def fill_tile(job: Job, tile: int) -> Done:
+    """Compute and store a tile; what is unsettled once more, where late orbits are known."""
+    store, known = Store(job.path), job.catalogue
+    part = store.tiles[tile]
+    shape = (part['velocity'].stop - part['velocity'].start,
+             part['phase'].stop - part['phase'].start)
+    level = Level(job.plane.starts(known.parameters, part['velocity'], part['phase']), shape,
+                  job.cap, slice_impacts=math.inf)
+    grids = {name: np.zeros(shape, RESULT[name]) for name in GRIDS}
+    if known.late:
+        grids = {name: store.read(tile, name) for name in GRIDS}
+        level.left = level.due = np.flatnonzero(grids['label'] == UNRESOLVED)
+        if not len(level.left):
+            return Done(0, ())
+    followed, found = level.follow(job.cap, known.table, threads=1)
+    for name, grid in grids.items():
+        np.put(grid, followed, found[name])
+    store.write(tile, grids)
+    orbits = () if known.late else late_orbits(known, level, len(level.states)).late
+    return Done(level.impacts, orbits)
 
 
 def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, run: Run
@@ -224,51 +157,25 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, run
         store.mark(tile)
         progress.add(_size(store, tile), done.impacts)
 
-    def do(work: Callable[[Job, int], Done], tiles: list[int],
-           then: Callable[[int, Done], None]) -> None:
-        run_tiles(functools.partial(work, job), tiles, then, cluster=run.cluster,
+    def do(tiles: list[int], then: Callable[[int, Done], None]) -> None:
+        run_tiles(functools.partial(fill_tile, job), tiles, then, cluster=run.cluster,
                   threads=run.threads)
 
     try:
-        do(compute_tile, pending, finished)
+        do(pending, finished)
         if known.late:
             # In the order of their keys: tiles end in any order.
             known = dataclasses.replace(known, late=tuple(
                 sorted(known.late, key=lambda orbit: orbit.key)))
             job = dataclasses.replace(job, catalogue=known)
-            do(resolve_tile, list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
+            do(list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
     finally:
         progress.end()
     return known
 
 
-def open_grid(run: Run, layout: Layout) -> Store:
-    """
-    Make the store of a run, or open the one to go on with.
-
-    Parameters
-    ----------
-    run : Run
-        How and where.
-    layout : Layout
-        What it consists of.
-
-    Returns
-    -------
-    Store
-        Ready.
-
-    """
-    return make_store(run.output, layout, run.command, resume=run.resume)
-
-
 def _size(store: Store, tile: int) -> int:
     return int(np.prod([part.stop - part.start for part in store.tiles[tile].values()]))
-
-
-def _write(store: Store, tile: int, results: np.ndarray[Any, Any]) -> None:
-    shape = tuple(part.stop - part.start for part in store.tiles[tile].values())
-    store.write(tile, {name: results[name].reshape(shape) for name in GRIDS})
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:

@@ -215,7 +215,7 @@ def test_tabs_are_independent_and_a_closed_one_stops_working(
     alpha.fill('1.0')
     alpha.press('Enter')
     other.wait("Bokeh.documents[0].get_model_by_name('alpha').value == 1.0")
-    other.wait("Bokeh.documents[0].get_model_by_name('legend').text.includes('longer')")
+    other.wait("Bokeh.documents[0].get_model_by_name('legend').text.includes('unsettled')")
     assert tab.get('alpha', 'value') == 0.48
     # The finest level of the quiet tab may still be under way.
     tab.wait("!Bokeh.documents[0].get_model_by_name('status').text.includes('going on')")

@@ -13,10 +13,11 @@ from gear_rattle_ros.explorer.catalogues import Catalogues
 from gear_rattle_ros.explorer.computing import Picture, pictures
 from gear_rattle_ros.explorer.painting import Colours, legend, paint
 from gear_rattle_ros.explorer.trajectory import follow
-from gear_rattle_ros.explorer.view import CAP, View
+from gear_rattle_ros.explorer.view import CAP, EXPONENTS, KINDS, SPAN, View
 from gear_rattle_ros.explorer.worker import Worker
+from gear_rattle_ros.offline.exponents import finite_time_exponents
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
+from gear_rattle_ros.offline.search import CONSERVES, find_attractors
 
 
 def until(view: View, cells: int) -> Picture:
@@ -120,6 +121,37 @@ def test_rest_has_colour_and_words(resting: Picture) -> None:
     assert 'at rest, upper wall' in legend(resting, colours)
     assert '100.0 %' in legend(resting, colours)
     assert paint(resting, colours).shape == (50, 50, 4)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_where_areas_are_kept_all_is_unsettled_and_said_why(kind: str) -> None:
+    """Up to the finest level, in seconds; exponents do not need attractors."""
+    view = View(Parameters(alpha=0.1, beta=0.0, gamma=0.0, restitution=1.0), kind=kind)
+    picture = until(view, 400 if kind != EXPONENTS else 100)
+    assert np.all(picture.labels == UNRESOLVED) and not np.any(picture.lifetimes)
+    words = legend(picture, Colours().followed(picture.known))
+    if kind == EXPONENTS:
+        assert picture.exponents is not None and np.any(picture.exponents)
+    else:
+        assert f'unsettled: {CONSERVES}' in words and '100.0' in words
+
+
+def test_exponents_are_those_of_the_starts() -> None:
+    """Of all cells, whatever was shown before they were computed."""
+    view = View(Parameters(alpha=0.57), kind=EXPONENTS)
+    picture = until(view, 100)
+    starts = view.plane(picture.cells).starts(
+        view.parameters, slice(0, picture.cells), slice(0, picture.cells))
+    expected = finite_time_exponents(starts, SPAN).astype(np.float32)
+    assert picture.exponents is not None
+    np.testing.assert_array_equal(picture.exponents.ravel(), expected)
+
+
+def test_a_deep_window_ends() -> None:
+    """Where float64 tells no finer cells apart, the coarse picture is the last."""
+    *_, last = pictures(View(phase=(1.0, 1.0 + 1.2e-13), velocity=(0.5, 0.5 + 1.2e-13)),
+                        Catalogues(), lambda: None)
+    assert last.is_last and last.cells < 100
 
 
 def test_trajectory_is_that_of_the_simulation() -> None:

@@ -16,6 +16,10 @@ from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
+from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
+from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline.search import CONSERVES
+from gear_rattle_ros.offline.watching import glance, watch
 from gear_rattle_ros.palette import ENDS
 from gear_rattle_ros.qos import LATCHED, STREAM
 
@@ -170,3 +174,19 @@ def test_a_bad_plane_is_one_line(start: Callable) -> None:
     basin = start('basin', '--ros-args', '-p', 'plane:=floor')
     assert basin.process.wait(60) == 2
     assert basin.text() == "basin: plane = 'floor' is not one of section, displacement\n"
+
+
+def test_where_areas_are_kept_all_is_unsettled_and_said_why() -> None:
+    """Without a search, and without following anything."""
+    parameters = Parameters(0.1, 0.0, 0.0, 1.0)
+    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size) for size in (50, 400)]
+    settings = Settings((50, 400), True, 0.0, 1.0, 10_000_000, 1, 0)
+    shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, on_walls=True,
+                       cap=settings.cap, threads=1, is_dropped=lambda: False))
+    assert [basins.plane for basins in shown] == planes
+    for basins in shown:
+        picture = picture_of(Wanted(parameters, 1, 7, 0.0, False), basins, (), Memory(), settings)
+        assert picture.state.status[0].message.endswith(
+            f'0 attractors, 100.0% unsettled: {CONSERVES}')
+        assert [values_of(picture.state, 1)[name] for name in ('key', 'share')] == [
+            'unsettled', '1.0']

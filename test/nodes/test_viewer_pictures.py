@@ -25,7 +25,7 @@ from gear_rattle_ros.nodes.viewer_scene import Scene
 from gear_rattle_ros.nodes.viewer_sinks import file_recording
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.matching import follow, points_of
-from gear_rattle_ros.offline.progressive import Basins, glance, refine
+from gear_rattle_ros.offline.watching import Basins, glance, watch
 from gear_rattle_ros.palette import AMBER, BLUE, ORANGE, PURPLE, rgb, SKY
 
 pytestmark = pytest.mark.long
@@ -48,8 +48,8 @@ Pixels = np.ndarray
 def basins() -> Basins:
     """Return the basins at 0.48."""
     planes = [Plane(velocity=(-1.5, 1.5), phases=size, velocities=size) for size in (50, 200)]
-    *_, last = refine(glance(Parameters(0.48), np.zeros((0, 3))), planes, on_walls=True,
-                      cap=5000, threads=2, is_dropped=lambda: False)
+    *_, last = watch(glance(Parameters(0.48), np.zeros((0, 3)))[0], planes, on_walls=True,
+                     cap=5000, threads=2, is_dropped=lambda: False)
     return last
 
 

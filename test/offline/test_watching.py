@@ -11,7 +11,7 @@ from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.orbits import Regime, TransientDetector
 from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.progressive import Basins, Dropped, glance, refine, sizes_up_to
+from gear_rattle_ros.offline.watching import Basins, Dropped, glance, sizes_up_to, watch
 
 TWO_ATTRACTORS = Parameters(0.48)
 NO_HINTS = np.zeros((0, 3))
@@ -21,8 +21,8 @@ def pictures(parameters: Parameters, sizes: tuple[int, ...], *, on_walls: bool =
              cap: int = 2000) -> list[Basins]:
     """Return all pictures of the plane."""
     planes = [Plane(-0.25, phases=size, velocities=size) for size in sizes]
-    return list(refine(glance(parameters, NO_HINTS), planes, on_walls=on_walls, cap=cap,
-                       threads=1, is_dropped=lambda: False))
+    return list(watch(glance(parameters, NO_HINTS)[0], planes, on_walls=on_walls, cap=cap,
+                      threads=1, is_dropped=lambda: False))
 
 
 def followed(state: State) -> tuple[int, int]:
@@ -81,7 +81,7 @@ def test_chaos_is_grey_at_first_and_found_then() -> None:
         coarse.share(UNRESOLVED), abs=0.05)
 
 
-def test_a_long_transient_stays_unresolved_without_being_waited_for() -> None:
+def test_a_long_transient_stays_unsettled_without_being_waited_for() -> None:
     """Beyond the crisis, where the mean lifetime is thousands of impacts."""
     last = pictures(Parameters(1.244), (50, 60), cap=400)[-1]
     assert not last.catalogue.chaotic and 0.5 < last.share(UNRESOLVED) < 0.98
@@ -91,8 +91,8 @@ def test_work_is_dropped() -> None:
     """The next slice raises."""
     dropped = threading.Event()
     planes = [Plane(phases=size, velocities=size) for size in (50, 400, 800)]
-    work = refine(glance(TWO_ATTRACTORS, NO_HINTS), planes, on_walls=True, cap=20_000, threads=2,
-                  is_dropped=dropped.is_set)
+    work = watch(glance(TWO_ATTRACTORS, NO_HINTS)[0], planes, on_walls=True, cap=20_000,
+                 threads=2, is_dropped=dropped.is_set)
     next(work)
     dropped.set()
     with pytest.raises(Dropped):
@@ -101,19 +101,20 @@ def test_work_is_dropped() -> None:
 
 def test_hints_are_followed() -> None:
     """A point of an orbit leads to it, whatever the random starts do."""
-    seen = glance(TWO_ATTRACTORS, NO_HINTS)
-    orbit = seen.catalogue.orbits[0]
+    seen, _ = glance(TWO_ATTRACTORS, NO_HINTS)
+    orbit = seen.orbits[0]
     hint = np.array([[orbit.walls[0], orbit.phases[0], orbit.velocities[0]]])
-    again = glance(Parameters(0.4801), hint)
+    again, _ = glance(Parameters(0.4801), hint)
     assert any(other.impacts == orbit.impacts and np.allclose(
-        other.velocities, orbit.velocities, atol=0.01) for other in again.catalogue.orbits)
-    assert again.catalogue.labels.size == seen.catalogue.labels.size + 1
+        other.velocities, orbit.velocities, atol=0.01) for other in again.orbits)
+    assert again.labels.size == seen.labels.size + 1
 
 
 @pytest.mark.parametrize(('largest', 'sizes'), [
-    (50, (50,)), (60, (50, 60)), (100, (50, 100)), (800, (50, 100, 200, 400, 800))])
+    (30, (30, 30)), (50, (50, 50)), (60, (50, 60)), (100, (50, 100)),
+    (800, (50, 100, 200, 400, 800))])
 def test_sizes_double(largest: int, sizes: tuple[int, ...]) -> None:
-    """From 50 to the largest."""
+    """From 50 to the largest; a second level knows chaos, however small it is."""
     assert sizes_up_to(largest) == sizes
 
 

@@ -1,0 +1,235 @@
+"""
+Grids of initial conditions, coarse to fine: what the basin node, the explorer and grids share.
+
+A level is followed in rounds of impacts, in slices of a few milliseconds, so that the work can be
+dropped at any moment. It is shown when its time is over, as far as it is: what has not settled by
+then, or was not looked at, is unsettled in it. Orbits that no search has found are looked for
+among what is left of a level, and all later levels know them.
+"""
+
+from collections.abc import Iterable, Iterator
+import math
+import time
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .catalogue import Catalogue, follow_here, go_on, moved
+from .engine import run_tiles, threads_here
+from .search import Check, conserves_areas, orbits_among
+from ..core.chaos import GLANCE
+from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
+from ..core.closed_orbits import Orbit
+
+# The first level is left after so many impacts: it has to be quick.
+FIRST_CAP: Final = 400
+# Impacts of a slice, and its fewest initial conditions: two for each lane.
+SLICE: Final = 100_000
+SLICE_LEAST: Final = 192
+# Impacts that it takes to settle, until it is known.
+GUESS: Final = 100.0
+# A round of no more impacts is made however late it is, but for the first level.
+CHEAP: Final = 6_000_000
+# What is left of a level is searched for orbits in so many places.
+LOOKED_AT: Final = 64
+SEED: Final = 1
+
+
+class Level:
+    """
+    A grid of initial conditions under way.
+
+    Parameters
+    ----------
+    starts : ndarray of START, shape (n,)
+        The initial conditions, row by row.
+    shape : tuple of int
+        Rows and columns.
+    cap : int
+        Impacts after which one is left as unsettled.
+    seconds : float
+        After this time it is shown as far as it is, and left unless more is sure [s].
+    sure : float
+        Rounds that are made however long they take.
+    is_mixed : bool
+        Follow them in random order, not row by row.
+    begun : Level, optional
+        A coarser one with the same catalogue, which stands in for what was not looked at.
+    slice_impacts : float
+        Impacts between two checks, about.
+
+    Attributes
+    ----------
+    states : ndarray of START, shape (n,)
+        The initial conditions; those that have not settled where they are now.
+    labels, lifetimes : ndarray of int, shape `shape`
+        What they have settled on, and since which impact; of the unsettled ones impacts followed.
+    left, due : ndarray of int
+        Numbers of those that have not settled, and of those that this round has still to follow.
+    rounds, impacts : int
+        Rounds and impacts made.
+    spent : float
+        Time that it took [s].
+    mean : float
+        Impacts of an initial condition in a round.
+
+    """
+
+    def __init__(self, starts: RecordArray, shape: tuple[int, int], cap: int, *,
+                 seconds: float = math.inf, sure: float = math.inf, is_mixed: bool = False,
+                 begun: 'Level | None' = None, slice_impacts: float = SLICE) -> None:
+        self.cap, self.seconds, self.sure = cap, seconds, sure
+        self.states = starts
+        self.labels = np.full(shape, UNRESOLVED, np.int16)
+        self.lifetimes = np.zeros(shape, np.int32)
+        if begun is not None:
+            rows, columns = (np.arange(new) * old // new for new, old in zip(
+                shape, begun.labels.shape, strict=True))
+            self.labels = begun.labels[np.ix_(rows, columns)]
+            self.lifetimes = begun.lifetimes[np.ix_(rows, columns)]
+        self.left = self.due = (np.random.default_rng(SEED).permutation(len(starts)) if is_mixed
+                                else np.arange(len(starts)))
+        self.rounds = self.impacts = 0
+        self.spent, self.mean = 0.0, GUESS
+        self._slice = slice_impacts
+        self._followed = np.zeros(len(starts), np.int32)
+        self._has_settled = np.zeros(len(starts), bool)
+
+    @property
+    def unsettled(self) -> float:
+        """Return the share of what has not settled [1]."""
+        return len(self.left) / len(self.states)
+
+    def follow(self, limit: float, table: Table, *, until: float = math.inf, check: Check = go_on,
+               threads: int | None = None) -> tuple[npt.NDArray[np.int64], RecordArray]:
+        """
+        Follow what is due for `limit` impacts; what is not reached in time remains due.
+
+        Returns the numbers of what was followed, and what became of it.
+        """
+        begin, due = time.monotonic(), self.due
+        starts, results = self.states[due], np.zeros(len(due), RESULT)
+        results['label'] = UNRESOLVED
+        threads = threads or threads_here()
+        size = max(int(min(self._slice / min(self.mean, limit), -(-len(due) // threads))),
+                   SLICE_LEAST)
+
+        def work(number: int) -> int:
+            check()
+            if time.monotonic() > until:
+                return 0
+            part = slice(number * size, (number + 1) * size)
+            return follow_here(starts[part], int(limit), table, results[part])
+
+        made: list[int] = []
+        run_tiles(work, range(-(-len(due) // size)), lambda _, impacts: made.append(impacts),
+                  threads=threads)
+        is_left = results['label'] == UNRESOLVED
+        is_seen = ~is_left | (results['impacts'] > 0)
+        seen, found, goes_on = due[is_seen], results[is_seen], is_left & is_seen
+        np.put(self.labels, seen, found['label'])
+        np.put(self.lifetimes, seen, self._followed[seen] + found['lifetime'])
+        self._followed[seen] += found['impacts'].astype(np.int32)
+        self.states[due[goes_on]] = moved(starts[goes_on], results[goes_on])
+        self._has_settled[due[~is_left]] = True
+        self.left, self.due = self.left[~self._has_settled[self.left]], due[~is_seen]
+        if not len(self.due):
+            self.due = self.left
+            self.rounds += 1
+        self.impacts += sum(made)
+        self.mean = max(sum(made) / len(seen), 1.0) if len(seen) else self.mean
+        self.spent += time.monotonic() - begin
+        return seen, found
+
+
+def late_orbits(catalogue: Catalogue, level: Level, most: int = LOOKED_AT, check: Check = go_on
+                ) -> Catalogue:
+    """
+    Look for orbits among what is left of a level.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        What is known.
+    level : Level
+        Followed with it.
+    most : int
+        How many are looked at, spread over what is left.
+    check : callable
+        Called often; raises to give up.
+
+    Returns
+    -------
+    Catalogue
+        With the orbits that are new.
+
+    """
+    chosen = level.left[::max(1, len(level.left) // most)][:most]
+    return catalogue.with_orbits(tuple(orbits_among(
+        catalogue.parameters, level.states[chosen], *GLANCE[1:], catalogue.tolerance, check)))
+
+
+def refine(levels: Iterable[tuple[Level, Catalogue]], *, rounds: tuple[int, ...] = (),
+           threads: int | None = None, check: Check = go_on
+           ) -> Iterator[tuple[Level, Catalogue, bool]]:
+    """
+    Compute levels, each finer than the one before.
+
+    Parameters
+    ----------
+    levels : iterable of tuple
+        Levels, and what is known at each; the next is asked for when the one before is done.
+    rounds : tuple of int
+        Impacts of the rounds, the last again and again; by default there is one, up to the cap.
+    threads : int, optional
+        How many; by default one for each processor.
+    check : callable
+        Called for every slice, in any thread; raises to give up.
+
+    Yields
+    ------
+    tuple
+        A level, what is known of the attractors, and whether nothing more is made of this level.
+        Where areas are kept nothing settles, and nothing is followed.
+
+    """
+    late: tuple[Orbit, ...] = ()
+    mean = GUESS
+    for number, (level, known) in enumerate(levels):
+        catalogue, level.mean = known.with_orbits(late), mean
+        limits = [*_limits(catalogue, level.cap, rounds), math.inf]
+        until, is_late = time.monotonic() + level.seconds, False
+        while level.rounds < len(limits) - 1 and len(level.left):
+            before = level.rounds
+            level.follow(limits[before], catalogue.table, until=until, check=check,
+                         threads=threads)
+            if number and level.rounds > before and len(level.left):
+                catalogue = late_orbits(catalogue, level, check=check)
+            if level.rounds == len(limits) - 1 or not len(level.left):
+                break
+            if time.monotonic() > until:
+                until, is_late = time.monotonic() + level.seconds, True
+            if level.rounds < level.sure:
+                yield level, catalogue, False
+            elif is_late and (not number or len(level.left) * limits[before + 1] > CHEAP):
+                break
+        late, mean = catalogue.late, level.mean
+        yield level, catalogue, True
+
+
+def _limits(catalogue: Catalogue, cap: int, rounds: tuple[int, ...]) -> list[int]:
+    """List the impacts of one round after the other until they are `cap` in all."""
+    if conserves_areas(catalogue.parameters):
+        return []
+    if not rounds:
+        return [cap]
+    # On a chaotic attractor nothing settles in less.
+    least = 2 * catalogue.stay if catalogue.chaotic else 0
+    limits: list[int] = []
+    total = 0
+    while total < cap:
+        usual = rounds[min(len(limits), len(rounds) - 1)]
+        limits.append(min(max(usual, least), max(cap - total, least)))
+        total += limits[-1]
+    return limits

@@ -1,0 +1,208 @@
+"""
+Basins for somebody who watches: what is known at each level, and how much time it has.
+
+On a chaotic attractor nothing settles before it has stayed there for so many impacts that it
+cannot be a transient. Where that is the least number of a search, the levels before the last one
+try fewer, of which no initial condition is seen to leave that has settled elsewhere in the first.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .catalogue import Catalogue, follow_here, moved, TOLERANCE
+from .grid import make_starts, Plane
+from .refining import FIRST_CAP, Level, refine, SEED
+from .search import Check, find_attractors, orbits_among, STAYS
+from ..core.chaos import BRIEF, GLANCE
+from ..core.classify import RecordArray, RESULT, UNRESOLVED
+from ..core.model import Parameters
+from ..core.recorded import record_impacts
+
+# Random initial conditions of the first look for attractors and of the second, and impacts for
+# which nothing may leave a chaotic attractor.
+GLANCED: Final = 48
+STARTS: Final = 256
+HOLD: Final = 2_000
+# What takes longer to be told from a transient is left unsettled [impacts].
+STAY_MOST: Final = 256
+# Shorter stays that are tried [impacts].
+STAYS_TRIED: Final = (16, 32, 64)
+# Edge of the first level [cells].
+COARSEST: Final = 50
+# Time for a level, by the length of its edge at the most, after which it is shown [s].
+TIMES: Final = ((50, 0.04), (100, 0.08), (200, 0.12), (400, 0.5))
+# From this edge on a level goes on until all of it has been looked at [cells].
+WHOLE_FROM: Final = 400
+# Impacts for which what has not settled is followed, again and again.
+ROUNDS: Final = (100, 300, 1_000, 3_000)
+# A level under way is shown again when so much of it has settled meanwhile.
+NEWS: Final = 0.002
+
+
+class Dropped(Exception):
+    """The picture is no longer wanted."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Basins:
+    """
+    One picture.
+
+    Attributes
+    ----------
+    plane : Plane
+        Its cells.
+    labels : ndarray of int, shape (velocities, phases)
+        Attractor of every initial condition, or one of the labels below zero of `classify`.
+    catalogue : Catalogue
+        The attractors.
+    is_complete : bool
+        Whether chaotic attractors have been searched for.
+
+    """
+
+    plane: Plane
+    labels: npt.NDArray[np.int16]
+    catalogue: Catalogue
+    is_complete: bool
+
+    def share(self, label: int) -> float:
+        """Tell how much of the plane is of a label [1]."""
+        return float(np.mean(self.labels == label))
+
+
+def sizes_up_to(largest: int) -> tuple[int, ...]:
+    """List the edges of the levels [cells]: each twice the one before, and two at least."""
+    sizes = [min(COARSEST, largest)]
+    while 2 * sizes[-1] < largest:
+        sizes.append(2 * sizes[-1])
+    return (*sizes, largest)
+
+
+def glance(parameters: Parameters, hints: npt.NDArray[np.float64]) -> tuple[Catalogue, float]:
+    """
+    Find the periodic attractors that are seen at once.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of the model.
+    hints : ndarray of float, shape (n, 3)
+        Wall, phase [rad] and velocity [1] of impacts near which attractors may be.
+
+    Returns
+    -------
+    tuple
+        What was seen, and the greatest speed of an impact after the transients [1].
+
+    """
+    skip = GLANCE[0]
+    drawn = Plane().random_starts(parameters, GLANCED, SEED)
+    hinted = make_starts(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
+    starts = np.concatenate([hinted, drawn])
+    results = np.zeros(len(starts), RESULT)
+    follow_here(starts, skip, Catalogue(parameters).table, results)
+    states = moved(starts, results)[results['label'] == UNRESOLVED]
+    orbits = tuple(orbits_among(parameters, states, *GLANCE[1:], TOLERANCE))
+    rows, _ = record_impacts(states, 0, 64)
+    return (Catalogue(parameters, hold=skip, orbits=orbits, labels=results['label']),
+            float(np.max(np.abs(rows['velocity']), initial=0.0)))
+
+
+def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int, threads: int,
+          is_dropped: Callable[[], bool]) -> Iterator[Basins]:
+    """
+    Compute pictures, each finer than the one before.
+
+    Parameters
+    ----------
+    seen : Catalogue
+        What was seen at once.
+    planes : sequence of Plane
+        Their cells.
+    on_walls : bool
+        Start at the wall that is moved into, so that the plane is the section of impacts; if
+        not, at the displacement of the plane.
+    cap : int
+        Impacts after which an initial condition of the last picture is unsettled.
+    threads : int
+        How many.
+    is_dropped : callable
+        Tells, from any thread, that no more is wanted.
+
+    Yields
+    ------
+    Basins
+        The next picture; from 400 cells on again as more of it settles.
+
+    Raises
+    ------
+    Dropped
+        As soon as no more is wanted.
+
+    """
+    parameters = seen.parameters
+
+    def check() -> None:
+        if is_dropped():
+            raise Dropped
+
+    def edge_of(plane: Plane) -> int:
+        return max(plane.phases, plane.velocities)
+
+    def level_of(plane: Plane, cap: int, sure: float = math.inf) -> Level:
+        starts = plane.starts(parameters, slice(0, plane.velocities), slice(0, plane.phases))
+        if on_walls:
+            starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
+        seconds = next((time for most, time in TIMES if edge_of(plane) <= most), math.inf)
+        return Level(starts, (plane.velocities, plane.phases), cap, seconds=seconds, sure=sure,
+                     is_mixed=True)
+
+    def levels() -> Iterator[tuple[Level, Catalogue]]:
+        first = level_of(planes[0], FIRST_CAP, 1)
+        yield first, seen
+        if len(planes) == 1:
+            return
+        certain = _without_slow_chaos(find_attractors(
+            parameters, planes[1].random_starts(parameters, STARTS, SEED), hold=HOLD,
+            threads=threads, effort=BRIEF, check=check)).with_orbits(seen.orbits)
+        hastened = _hastened(certain, first.states[first.labels.ravel() >= 0], threads, check)
+        for plane in planes[1:-1]:
+            yield level_of(plane, ROUNDS[-1], int(edge_of(plane) >= WHOLE_FROM)), hastened
+        yield level_of(planes[-1], cap), certain
+
+    numbers = iter(planes)
+    plane, shown = next(numbers), 1.0
+    for level, catalogue, is_done in refine(levels(), rounds=ROUNDS, threads=threads, check=check):
+        is_first = plane is planes[0]
+        if is_done or (not is_first and shown - level.unsettled > NEWS):
+            shown = level.unsettled
+            yield Basins(plane, level.labels.copy(), catalogue, not is_first)
+        if is_done:
+            plane, shown = next(numbers, plane), 1.0
+
+
+def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
+    if catalogue.stay <= STAY_MOST:
+        return catalogue
+    labels = np.where(catalogue.labels < len(catalogue.orbits), catalogue.labels, UNRESOLVED)
+    return dataclasses.replace(catalogue, chaotic=(), stay=0, labels=labels)
+
+
+def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int, check: Check
+              ) -> Catalogue:
+    """Let states settle on chaotic attractors as soon as none of those settled elsewhere would."""
+    # What leaves after more impacts leaves after fewer, too.
+    if catalogue.chaotic and catalogue.stay == STAYS[0]:
+        for stay in STAYS_TRIED:
+            tried = dataclasses.replace(catalogue, stay=stay)
+            labels = tried.label(settled, ROUNDS[-1], threads=threads, check=check)['label']
+            first = len(catalogue.orbits)
+            if not np.any((labels >= first) & (labels < first + len(catalogue.chaotic))):
+                return tried
+    return catalogue
