@@ -96,7 +96,7 @@ class Orbit:
 
     @property
     def exact_sum(self) -> float:
-        """Return what the exponents add up to: ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
+        """Return the sum of the exponents, ``2 ln r - beta 2 pi p / q`` [1]; -inf if it sticks."""
         if self.sticks != NO_WALL or not self.parameters.restitution:
             return -math.inf
         return (2.0 * math.log(self.parameters.restitution)

@@ -1,7 +1,8 @@
 """Pictures of orbit diagrams."""
 
+from collections.abc import Iterator
 import math
-from typing import Any, Final
+from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,6 +10,8 @@ from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
+from .catalogue import Kind
+from .diagram import KINDS
 from .figures_style import (
     add_axes,
     equalise,
@@ -76,13 +79,13 @@ def draw_diagram(store: Store, *, sweep: str | None = None, title: str = '',
 
 def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
     """Draw counts of impacts, each attractor in a hue of its own."""
-    counts, numbers = store.read_all('count')[sweep], store.read_all('attractor')[sweep]
+    counts = store.read_all('count')[sweep]
     alphas, velocities = store.read_all('alpha'), store.read_all('velocity')
     bins = len(velocities) // merged
     picture = np.ones((bins, len(alphas), 3))
     strength = np.zeros((bins, len(alphas)))
-    for number in np.unique(numbers[numbers >= 0]):
-        own = np.asarray(np.sum(counts * (numbers == number)[:, :, None], axis=1), np.float64)
+    for mine, colour in _coloured(store, sweep):
+        own = np.asarray(np.sum(counts * mine[:, :, None], axis=1), np.float64)
         own = own[:, :bins * merged].reshape(len(alphas), bins, merged).sum(axis=2)
         # In steps of a tenth: what differs by rounding has one shade.
         with np.errstate(divide='ignore'):
@@ -90,7 +93,7 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
         share = equalise(np.exp(np.round(10.0 * level) / 10.0)).T
         share = widened(share)
         above = share > strength
-        picture[above] = shade(hue(int(number)), share)[above]
+        picture[above] = shade(colour, share)[above]
         strength[above] = share[above]
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
                 extent=_extent(alphas, velocities))
@@ -99,17 +102,16 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
 
 def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
     """Draw the largest exponent of every attractor with its error."""
-    alphas, numbers = store.read_all('alpha'), store.read_all('attractor')[sweep]
+    alphas = store.read_all('alpha')
     exponents, errors = (store.read_all(name)[sweep] for name in ('exponent', 'exponent_error'))
     axes.axhline(0.0, color='black', linewidth=0.8)
-    for number in np.unique(numbers[numbers >= 0]):
-        line, band = (_of(number, numbers, values) for values in (exponents, errors))
+    for mine, colour in _coloured(store, sweep):
+        line, band = (_of(mine, values) for values in (exponents, errors))
         if np.count_nonzero(np.isfinite(line)) < RARE * len(alphas):
-            axes.plot(alphas, line, '.', color=hue(int(number)), markersize=2)
+            axes.plot(alphas, line, '.', color=colour, markersize=2)
             continue
-        axes.fill_between(alphas, line - band, line + band, color=hue(int(number)), alpha=0.3,
-                          linewidth=0)
-        axes.plot(alphas, line, color=hue(int(number)), linewidth=0.9)
+        axes.fill_between(alphas, line - band, line + band, color=colour, alpha=0.3, linewidth=0)
+        axes.plot(alphas, line, color=colour, linewidth=0.9)
     half = 0.5 * (alphas[1] - alphas[0])
     axes.set_xlim(alphas[0] - half, alphas[-1] + half)
     axes.set_ylabel('largest exponent\nper impact [1]', fontsize=12)
@@ -119,15 +121,14 @@ def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
 
 def draw_shares(store: Store) -> Figure:
     """Draw the shares of the attractors against alpha, with what happens to them."""
-    alphas, numbers = store.read_all('alpha'), store.read_all('attractor')[0]
+    alphas = store.read_all('alpha')
     shares = store.read_all('share')[0]
     count = store.attributes['trajectories']
     figure = new_figure(LEFT + WIDTH + RIGHT, 560)
     axes = add_axes(figure, LEFT, BOTTOM, WIDTH, 560 - BOTTOM - TOP)
-    for number in np.unique(numbers[numbers >= 0]):
-        share = _of(int(number), numbers, shares)
+    for mine, colour in _coloured(store, 0):
+        share = _of(mine, shares)
         error = np.sqrt(share * (1.0 - share) / count)
-        colour = hue(int(number))
         axes.fill_between(alphas, share - error, share + error, color=colour, alpha=0.25,
                           linewidth=0)
         axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
@@ -139,7 +140,7 @@ def draw_shares(store: Store) -> Figure:
             axes.axvline(alpha, color=hue(int(number)), linestyle=style, linewidth=1.0)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
     axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
-    axes.set_ylabel('share of the starts [1], ± standard error', fontsize=12)
+    axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
     figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, 'Shares of the attractors; lines: '
                 'fold (solid), doubling (dotted), crisis (dashed), others (dash-dotted)', va='top',
                 fontsize=13)
@@ -147,9 +148,18 @@ def draw_shares(store: Store) -> Figure:
     return figure
 
 
-def _of(number: int, numbers: npt.NDArray[Any], values: FloatArray) -> FloatArray:
-    mine = numbers == number
-    line = np.full(len(numbers), math.nan)
+def _coloured(store: Store, sweep: int) -> Iterator[tuple[npt.NDArray[np.bool_], str]]:
+    # Where each attractor is, shape (alpha, slot), with its colour; what is unsettled last.
+    numbers, kinds = (store.read_all(name)[sweep] for name in ('attractor', 'kind'))
+    for number in np.unique(numbers[numbers >= 0]):
+        yield numbers == number, hue(int(number))
+    unsettled = kinds == KINDS.index(Kind.UNSETTLED.value)
+    if unsettled.any():
+        yield unsettled, GREY
+
+
+def _of(mine: npt.NDArray[np.bool_], values: FloatArray) -> FloatArray:
+    line = np.full(len(mine), math.nan)
     rows = mine.any(axis=1)
     line[rows] = values[rows, mine.argmax(axis=1)[rows]]
     line[~np.isfinite(line)] = math.nan
@@ -166,10 +176,11 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
     columns = numbers.shape[1]
     names = [int(n) for n in np.unique(numbers[numbers >= 0])
              if np.max(np.count_nonzero((numbers == n).any(axis=2), axis=1)) >= RARE * columns]
-    if len(names) < 2:
-        return
     handles = [Line2D([], [], marker='s', linestyle='none', color=hue(n),
                       label=f'attractor {n}') for n in names[:LEGEND_MOST]]
+    if np.any(store.read_all('kind')[shown] == KINDS.index(Kind.UNSETTLED.value)):
+        handles.append(Line2D([], [], marker='s', linestyle='none', color=GREY,
+                              label='unsettled'))
     axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
                 ncols=len(handles), fontsize=11, handletextpad=0.2, columnspacing=1.2,
                 borderaxespad=0.1)

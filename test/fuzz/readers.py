@@ -30,7 +30,7 @@ from gear_rattle_ros.offline.store_making import make_store
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
      Axis('phase', np.arange(5.0), {'units': 'rad'}, 2)),
-    (Variable('label', ('velocity', 'phase'), '<i2', {'long_name': 'label'}, -1),),
+    (Variable('label', ('velocity', 'phase'), '<i2', {'long_name': 'label'}),),
     {'tool': 'test', 'alpha': 0.48})
 # By the first byte of an input of the documents: the one that it changes. The second is the number
 # of the name in it whose value it gives; RAW where it gives the whole document.
