@@ -1,6 +1,7 @@
 """Make the inputs that fuzzing starts from: PYTHONPATH=test python test/fuzz/make_corpus.py."""
 
 import io
+import json
 from pathlib import Path
 
 import bag_maker
@@ -50,7 +51,8 @@ def main() -> None:
         inputs[name] = b'J' + bytes([number, readers.RAW]) + (
             readers.store() / document).read_bytes()
     # The cuts of the tiles by themselves.
-    inputs['tiles'] = b'J' + bytes([6, 1]) + b'[["velocity", 7, 3], ["phase", 5, 2]]'
+    tiles = json.dumps(json.dumps([['velocity', 7, 3], ['phase', 5, 2]]))
+    inputs['tiles'] = b'J' + bytes([6, 1]) + tiles.encode()
     for name, data in inputs.items():
         (CORPUS / name).write_bytes(data)
 
