@@ -84,7 +84,7 @@ WATCH: Final = np.dtype(
     align=True,
 )
 # What became of a start: attractor or one of the labels above, lifetime [impacts], impacts
-# followed, and for a start that is unresolved the state just after the last of them. Where the
+# followed, and for one that is unsettled the state just after the last of them. Where the
 # mass has stuck before it settled: impacts until then, EMPTY elsewhere, and the drive phase at
 # which it left the wall again, nan elsewhere: all that leave at the same phase go on as one.
 RESULT: Final = np.dtype(

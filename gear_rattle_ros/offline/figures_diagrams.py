@@ -32,7 +32,7 @@ WIDTH, HEIGHT, EXPONENT_HEIGHT = 780, 450, 190
 # All rasters together are at most about so high [pixels].
 TALLEST: Final = 1100
 # A legend has room for so many attractors.
-LEGEND_MOST: Final = 6
+LEGEND_MOST: Final = 5
 # An attractor in fewer columns than this share is not in the legend.
 RARE: Final = 0.02
 

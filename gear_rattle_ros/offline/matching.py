@@ -13,6 +13,8 @@ from ..core.section import turn
 
 # Attractors whose points lie further apart than this are not the same one, moved [1].
 FAR: Final = 0.35
+# Distances that differ by less say nothing [1].
+ALIKE: Final = 0.05
 # Points of a chaotic attractor that are compared.
 MOST: Final = 400
 
@@ -106,8 +108,10 @@ def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
 
     """
     pairs = sorted(
-        (distance(points, trace.points), place, before)
-        for place, (points, _) in enumerate(found) for before, trace in enumerate(known))
+        ((distance(points, trace.points), place, before)
+         for place, (points, _) in enumerate(found) for before, trace in enumerate(known)),
+        # Among those that are about as near the first goes on.
+        key=lambda pair: (math.ceil(min(pair[0], FAR + 1.0) / ALIKE), pair[2], pair[0], pair[1]))
     hues: dict[int, int] = {}
     matched: set[int] = set()
     for apart, place, before in pairs:

@@ -7,8 +7,10 @@ import numpy.typing as npt
 
 from .matching import FloatArray, follow, Trace
 
-# An attractor may be missed over so many columns: few initial conditions may reach it.
+# An attractor may be missed over so many columns: few initial conditions may reach it, and windows
+# interrupt chaos.
 GAP: Final = 5
+GAP_OF_CHAOS: Final = 40
 
 
 def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[np.bool_],
@@ -36,8 +38,11 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
             for k in np.flatnonzero(is_attractor[s, c] & ~resting[s, c]):
                 numbers[s, c, k] = here.get(keys[s, c, k], -1)
             left = [int(k) for k in np.flatnonzero(is_attractor[s, c] & (numbers[s, c] < 0))]
-            recent = tuple(trace for number, (last, trace) in seen.items()
-                           if c - last <= GAP and number not in numbers[s, c])
+            # Where several are near, the one that has been seen most often goes on.
+            recent = tuple(trace for number, (last, trace) in sorted(
+                seen.items(), key=lambda item: -np.count_nonzero(numbers == item[0]))
+                if c - last <= (GAP_OF_CHAOS if trace.is_chaotic else GAP)
+                and number not in numbers[s, c])
             _, found = follow(recent, [_of(points[s, c, k], chaotic[s, c, k]) for k in left],
                               fresh=count)
             numbers[s, c, left] = found
