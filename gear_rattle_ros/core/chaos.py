@@ -90,7 +90,8 @@ class ChaoticSet:
     impacts : int
         All of these impacts.
     recurs : ndarray of bool, shape (n,)
-        Which of these trajectories have come to recur: they have left for an orbit.
+        Which of these trajectories have come to recur: they have left for an orbit. All of them
+        where others have come to rest.
     pieces : int
         Parts that are visited in turn: the greatest k for which impacts n, n + k, n + 2 k, ... on
         one wall (the upper, if it is touched) never come where those from n + 1 on do.
@@ -142,14 +143,14 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
 
     """
     rows, made = record_impacts(starts, 0, length)
-    rows = rows[made == length]
-    if not len(rows):
+    whole = made == length
+    if not np.any(whole):
         return []
     speed = ROOM * float(np.max(np.abs(rows['velocity'])))
     edge = BOXES // effort.coarser
     hit: npt.NDArray[np.bool_] = np.zeros((len(rows), 2, edge, edge), np.bool_)
-    for row, boxes in zip(rows, hit, strict=True):
-        mark_boxes(row, speed, boxes.reshape(-1), edge)
+    for row, count, boxes in zip(rows, made, hit, strict=True):
+        mark_boxes(row[:count], speed, boxes.reshape(-1), edge)
     while edge > COARSEST and length < FILLED * np.count_nonzero(hit) / len(rows):
         edge //= 2
         hit = np.asarray(hit.reshape(len(rows), 2, edge, 2, edge, 2).any(axis=(3, 5)))
@@ -158,20 +159,25 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
     recurs = np.array([shortest_recurrence(row[-look:], longest, tolerance) > 0 for row in rows])
     named: dict[str, list[int]] = {}
     for members in _grouped(hit):
-        name = shortest_orbit(parameters, rows[members, :NAMED])
+        on = [number for number in members if whole[number]]
+        name = shortest_orbit(parameters, rows[on, :NAMED])
         # An orbit belongs to one set: groups of one name are one.
         name = f'{name}-{len(named)}' if name == UNNAMED and name in named else name
         named.setdefault(name, []).extend(members)
     sets = []
     for name in sorted(named):
         members = sorted(named[name])
-        last = rows[members, -1]
+        on = [number for number in members if whole[number]]
+        if not on:
+            continue
+        last = rows[on, -1]
         states = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                               last['velocity'])
         boxes = hit[members].any(axis=0).repeat(BOXES // edge, 1).repeat(BOXES // edge, 2)
         exponents, pieces = averages(parameters, states[0], effort.averaged)
-        sets.append(ChaoticSet(boxes, speed, states, len(members) * length, recurs[members],
-                               pieces, name, exponents))
+        # Those that have come to rest have left, too.
+        sets.append(ChaoticSet(boxes, speed, states, len(on) * length,
+                               recurs[on] | (len(on) < len(members)), pieces, name, exponents))
     return sets
 
 

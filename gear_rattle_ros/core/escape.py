@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .compiled import kernel
-from .elementary import TWO_PI
 from .lanes import advance, is_busy, refill, release, RUNS
 from .lanes_step import LANES
+from .section import distance
 
 STEPS: Final = 256
 # What has become of a trajectory: captured; neither captured nor ended when its time was up; at
@@ -150,9 +150,7 @@ def last_until_captured(  # type: ignore[no-untyped-def]
                     last = first + 1
                 near = -1
                 for j in range(first, last):
-                    turn = abs(one.phase - points[j, 0])
-                    turn = min(turn, TWO_PI - turn)
-                    if turn < radius and abs(one.velocity - points[j, 1]) < radius:
+                    if distance(one.velocity, one.phase, points[j, 1], points[j, 0]) < radius:
                         near = j
                 if near >= 0:
                     row[i] += 1

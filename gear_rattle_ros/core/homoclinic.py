@@ -19,6 +19,7 @@ from .compiled import kernel
 from .elementary import exp_minus, logarithm, TWO_PI
 from .flight import NO_WALL
 from .impact_map import next_impact
+from .section import distances
 
 # The unstable manifold is straight so far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6
@@ -134,11 +135,8 @@ def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
 
 
 def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
-    if not np.array_equal(np.roll(captor.walls, -shift), orbit.walls):
-        return math.inf
-    aside = np.roll(captor.points, -shift, axis=0) - orbit.points
-    aside[:, 0] -= TWO_PI * np.floor(aside[:, 0] / TWO_PI + 0.5)
-    return float(np.max(np.abs(aside)))
+    points = np.roll(captor.points, -shift, axis=0)
+    return float(np.max(distances(points[:, 1], points[:, 0], orbit.velocities, orbit.phases)))
 
 
 @kernel

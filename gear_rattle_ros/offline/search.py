@@ -39,6 +39,8 @@ SIGNIFICANT: Final = 5.0
 STAYS: Final = (128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)
 # Sets of boxes that are told apart by their numbers in one byte.
 SETS_MOST: Final = 60
+# Impacts of each trajectory that are kept at the most; what is wanted beyond is only followed.
+TRACED: Final = 40_000
 # States that are used again to fill all lanes differ by this [1].
 NUDGE: Final = 1e-7
 
@@ -174,8 +176,9 @@ class _Search:
         states['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(self.left))
         ends = states[:0]
         check()
-        for chaos in chaotic_sets(plain.parameters, states, max(wanted // LANES, effort.length),
-                                  effort, plain.tolerance)[:SETS_MOST]:
+        length = min(max(wanted // LANES, effort.length), TRACED)
+        for chaos in chaotic_sets(plain.parameters, states, length, effort,
+                                  plain.tolerance)[:SETS_MOST]:
             check()
             ends = np.concatenate([ends, chaos.states[chaos.recurs]])
             report = chaos.exponents

@@ -10,9 +10,9 @@ from .grid import Plane
 from .search import find_attractors
 from ..core.branches import Change, follow
 from ..core.closed_orbits import close_orbit, Orbit
-from ..core.elementary import TWO_PI
 from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
 from ..core.model import Parameters
+from ..core.section import distances
 from ..core.words import counted
 
 # Trajectories are given up after so many impacts.
@@ -165,7 +165,7 @@ def radius_of(boundary: Boundary) -> float:
     It is a tenth of the way to the saddle at their nearest points, rounded, so that it is the same
     on every machine.
     """
-    apart = boundary.captor.points[:, None] - boundary.saddle.points[None]
-    apart[..., 0] -= TWO_PI * np.round(apart[..., 0] / TWO_PI)
-    same = boundary.captor.walls[:, None] == boundary.saddle.walls[None]
-    return round(0.1 * float(np.min(np.where(same, np.max(np.abs(apart), axis=2), np.inf))), 6)
+    captor, saddle = boundary.captor, boundary.saddle
+    apart = distances(captor.velocities[:, None], captor.phases[:, None], saddle.velocities,
+                      saddle.phases)
+    return round(0.1 * float(np.min(apart)), 6)
