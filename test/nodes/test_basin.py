@@ -45,7 +45,7 @@ class Pictures:
     def has(self, alpha: float, size: int) -> bool:
         """Tell whether the newest of everything is a picture."""
         return (self.alpha() == alpha and values_of(self.states[-1])['size'] == str(size)
-                and bool(self.images) and self.images[-1].width == size
+                and bool(self.images) and bool(self.clouds) and self.images[-1].width == size
                 and self.images[-1].header == self.clouds[-1].header
                 and self.images[-1].header.stamp == self.states[-1].header.stamp)
 

@@ -142,8 +142,9 @@ def test_a_plain_simulation_of_a_million_impacts_agrees(values):
 
 @pytest.mark.parametrize(('values', 'shares'), [
     ((0.09,), {'orbit-1-1-U0.9922+0.3307': 0.51, 'unsettled': 0.0}),
-    ((0.56476,), {'orbit-128-64-U5.3984+0.8932': 0.241}),
-    ((5.0, 0.0159, 2.533), {'orbit-250-3-U0.0398+0.2344': 1.0}),
+    pytest.param((0.56476,), {'orbit-128-64-U5.3984+0.8932': 0.241}, marks=pytest.mark.long),
+    pytest.param((5.0, 0.0159, 2.533), {'orbit-250-3-U0.0398+0.2344': 1.0},
+                 marks=pytest.mark.long),
 ])
 def test_published_shares(values, shares):
     """Every initial condition is labelled, however fast its orbit and however late it settles."""
@@ -167,7 +168,8 @@ def test_the_share_of_b_does_not_depend_on_how_many_are_followed(count):
     assert abs(longest.share - 0.241) < 4.0 * longest.share_error
 
 
-@pytest.mark.parametrize(('alpha', 'pieces'), [(0.5655, 4), (0.567, 2), (0.57, 1)])
+@pytest.mark.parametrize(('alpha', 'pieces'), [
+    (0.5655, 4), *(pytest.param(*one, marks=pytest.mark.long) for one in ((0.567, 2), (0.57, 1)))])
 def test_pieces_of_b(alpha, pieces):
     """Its bands merge, 4 to 2 at 0.56604 and 2 to 1 at 0.56749: counted in turn on one wall."""
     parameters = Parameters(alpha=alpha)
