@@ -58,7 +58,8 @@ EXPONENT_COLOURS: Final = [
     rgba(BLUE), rgba(BLUE, 0x80), rgba(BLUE, 0x80), rgba(GREEN, 0xB0), rgba(PURPLE), rgba(ORANGE),
     0x808080FF, 0x808080C0,
 ]
-EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 2.5, 1.0, 1.0]
+# The sum is wider than the exact one, which lies on it.
+EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 4.0, 1.0, 1.0]
 
 
 class Scene:
