@@ -73,7 +73,7 @@ class Herd:
     speed: float
 
     def strays(self, phases: FloatArray, velocities: FloatArray) -> npt.NDArray[np.bool_]:
-        """Tell of rows of impacts which lie mostly outside the region."""
+        """Whether each row of impacts lies mostly outside the region."""
         inside = self.region[_places(phases, velocities, self.speed)]
         inside &= np.abs(velocities) < self.speed
         return np.asarray(np.mean(inside, axis=-1) < 0.5)
@@ -122,7 +122,7 @@ class End:
 
 def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
     """
-    Make states of many trajectories from one; chaos parts them.
+    Make states of many trajectories from one; in chaos they diverge.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
     seen: list[RecordArray] = []
     away = np.ones(LANES, bool)
     rounds = max(ROUNDS, -(-hold // ROUND))
-    # Outside for a while is a burst; who does not come back has left.
+    # Outside for a while is a burst; what does not come back has left.
     while len(seen) < rounds or before is not None and len(seen) < 2 * rounds and away.any():
         states, impacts, captors = _go_on(parameters, states)
         for _, captor in captors:
@@ -327,7 +327,7 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
     Returns
     -------
     EscapeRate
-        Of an exponential law, seen every `ROUND` impacts. Who has escaped begins anew as another;
+        Of an exponential law, seen every `ROUND` impacts. A trajectory that escapes is replaced;
         what happens in the first round of each says nothing.
 
     """

@@ -116,7 +116,7 @@ class Family:
     numbers: list[int] = dataclasses.field(default_factory=list)
 
     def holds(self, orbit: Orbit) -> bool:
-        """Tell whether an orbit belongs to it."""
+        """Whether an orbit belongs to it."""
         if (orbit.impacts, orbit.drive_periods) != (self.orbits[0].impacts,
                                                     self.orbits[0].drive_periods):
             return False
@@ -151,7 +151,7 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
     hold : int
         A chaotic attractor lasts where `LANES` trajectories stay for so many impacts.
     searched : callable
-        Is told of the searches just done, of those that `searches_of` counts.
+        Receives the number of searches just done, of those that `searches_of` counts.
 
     Returns
     -------
@@ -363,7 +363,7 @@ def _same_end(a: End, b: End) -> bool:
 
 
 def _same_change(event: Event, known: Event) -> bool:
-    # Of one orbit at one place; where an orbit replaces chaos that is told.
+    # Of one orbit at one place; where an orbit replaces chaos, only that is reported.
     return (abs(event.alpha - known.alpha) <= event.tolerance + known.tolerance
             and event.orbit is not None and known.orbit is not None
             and (event.what == known.what
