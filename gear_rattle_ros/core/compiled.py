@@ -23,7 +23,7 @@ def cache_directory() -> Path:
     folder is named by the contents of the whole of ``core``.
     """
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob('*.py')):
+    for source in sorted(Path(__file__).parent.rglob('*.py')):
         digest.update(source.read_bytes())
     base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
     folder = (Path(base) if base else Path.home() / '.cache') / 'gear_rattle_ros'

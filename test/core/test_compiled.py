@@ -1,0 +1,36 @@
+"""The cache of compiled kernels: what was compiled from other sources is never used again."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import gear_rattle_ros.core.compiled as compiled
+
+CALLER = 'from .compiled import kernel\nfrom .room.called import called\n\n\n@kernel\n' \
+    'def calls(x):\n    return called(x) + 1.0\n'
+CALLED = 'from ..compiled import kernel\n\n\n@kernel\ndef called(x):\n    return {value} * x\n'
+
+
+def run(folder: Path) -> float:
+    """Import the package anew, as the next process would, with the same cache."""
+    # The bytes may change within the second that Python's own cache of sources tells apart.
+    environment = os.environ | {'NUMBA_CACHE_DIR': str(folder / 'cache'),
+                                'PYTHONDONTWRITEBYTECODE': '1'}
+    return float(subprocess.run(
+        [sys.executable, '-c', 'from house.caller import calls; print(calls(1.0))'],
+        cwd=folder, env=environment, check=True, capture_output=True, text=True).stdout)
+
+
+def test_an_edited_kernel_of_a_sub_folder_is_compiled_again(tmp_path):
+    """The kernel that calls it stands in another file, which has not changed."""
+    house = tmp_path / 'house'
+    (house / 'room').mkdir(parents=True)
+    for folder in (house, house / 'room'):
+        (folder / '__init__.py').touch()
+    (house / 'compiled.py').write_text(Path(compiled.__file__).read_text())
+    (house / 'caller.py').write_text(CALLER)
+    for value in (2.0, 3.0, 2.0):
+        (house / 'room' / 'called.py').write_text(CALLED.format(value=value))
+        assert run(tmp_path) == value + 1.0
+    assert len(list((tmp_path / 'cache' / 'gear_rattle_ros').iterdir())) == 2
