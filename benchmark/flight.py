@@ -18,10 +18,10 @@ import time
 import numba
 import numpy as np
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits import TransientDetector
-from gear_rattle_ros.core.simulation import Simulation
 
 ALPHAS = (0.48, 1.244)
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9

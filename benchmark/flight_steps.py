@@ -17,10 +17,10 @@ from typing import Final
 import numba
 import numpy as np
 
-from gear_rattle_ros.core.advancement import PATIENCE, PATIENCE_RATE
-from gear_rattle_ros.core.elementary import TWO_PI
-from gear_rattle_ros.core.first_impact import HALVINGS, search_impact, STRETCH
-from gear_rattle_ros.core.flight import displace, LEG
+from gear_rattle_ros.core.flight.advancement import PATIENCE, PATIENCE_RATE
+from gear_rattle_ros.core.flight.closed_form import displace, LEG
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.first_impact import HALVINGS, search_impact, STRETCH
 
 # Evaluations in excess of 4 d that no hunt has found.
 EMPIRICAL: Final = 250

@@ -1,5 +1,5 @@
 /*
- * The step of core/lanes_step.py written by hand in C, as a yardstick for benchmark/lanes.py.
+ * The step of core/flight/lanes_step.py written by hand in C, as a yardstick for benchmark/lanes.py.
  *
  * Rows and formulas are those of the Python file, in the same order; compiled without contraction
  * both give the same bits. LANES comes from the command line of the compiler.

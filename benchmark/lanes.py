@@ -20,7 +20,7 @@ import time
 
 import numpy as np
 
-from gear_rattle_ros.core.lanes import (
+from gear_rattle_ros.core.flight.lanes import (
     advance,
     LaneArray,
     new_impacts,
@@ -29,9 +29,9 @@ from gear_rattle_ros.core.lanes import (
     refill,
     START,
 )
-from gear_rattle_ros.core.lanes_step import LANES
+from gear_rattle_ros.core.flight.lanes_step import LANES
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 ALPHAS = (0.48, 1.244)
 TURNS = 400

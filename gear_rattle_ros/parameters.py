@@ -15,7 +15,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from .core import model, simulation
+from .core import model
+from .core.flight import simulation
 
 Value: TypeAlias = bool | int | float | str
 

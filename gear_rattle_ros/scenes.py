@@ -13,8 +13,8 @@ from pathlib import Path
 import types
 from typing import Any, Final, TypeAlias
 
+from .core.flight.simulation import NOISE_MAXIMUM, SEED_MAXIMUM
 from .core.model import Parameters, State
-from .core.simulation import NOISE_MAXIMUM, SEED_MAXIMUM
 from .places import config_folder
 from .plain_yaml import read_yaml
 

@@ -10,8 +10,8 @@ from rclpy.serialization import serialize_message
 from rosbags.typesys import get_typestore, Stores
 
 from gear_rattle_ros.bags import BagWriter, message_definition, Topic
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.messages import cloud_from_events, named_values
 
 START = 1_700_000_000_000_000_000

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.flight.tangent import flight_matrix, impact_matrix
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
-from gear_rattle_ros.core.tangent import flight_matrix, impact_matrix
 
 from .chains import STRONG, TWO_PI
 

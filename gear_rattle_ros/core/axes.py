@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from .elementary import TWO_PI
+from .flight.elementary import TWO_PI
 from .model import EventArray
 from .stream import Piece
 

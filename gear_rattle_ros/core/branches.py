@@ -19,7 +19,7 @@ from .closed_orbits import (
     Shot,
     solve_ring,
 )
-from .elementary import TWO_PI
+from .flight.elementary import TWO_PI
 from .model import ALPHA_MAXIMUM, Parameters
 from .section import turn as turned
 

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .compiled import kernel
-from .elementary import sine_cosine, TWO_PI
-from .flight import elapsed, is_pressed, later, LOWER, release_delay, UPPER
-from .lanes import advance, EMPTY, FLOATS, refill, release, RESTS
-from .lanes_step import LANES
+from .flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
+from .flight.elementary import sine_cosine, TWO_PI
+from .flight.lanes import advance, EMPTY, FLOATS, refill, release, RESTS
+from .flight.lanes_step import LANES
 from .model import STICKING_SPEED
 from .section import distance
 

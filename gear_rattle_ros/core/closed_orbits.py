@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .elementary import TWO_PI
-from .flight import NO_WALL
+from .flight.closed_form import NO_WALL
+from .flight.elementary import TWO_PI
 from .impact_map import shoot
 from .model import Parameters
 from .section import distances

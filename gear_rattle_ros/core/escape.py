@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .compiled import kernel
-from .lanes import advance, is_busy, refill, release, RUNS
-from .lanes_step import LANES
+from .flight.lanes import advance, is_busy, refill, release, RUNS
+from .flight.lanes_step import LANES
 from .section import distance
 
 STEPS: Final = 256

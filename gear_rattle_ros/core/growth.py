@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 
 from .compiled import kernel
-from .elementary import length, logarithm
-from .flight import elapsed
-from .lanes import advance, FLOATS, refill, release, RESTS
-from .lanes_step import LANES
+from .flight.closed_form import elapsed
+from .flight.elementary import length, logarithm
+from .flight.lanes import advance, FLOATS, refill, release, RESTS
+from .flight.lanes_step import LANES
+from .flight.tangent import flight_matrix, impact_matrix
 from .raster import is_stuck
-from .tangent import flight_matrix, impact_matrix
 
 # Steps between two looks at the impacts.
 STEPS: Final = 48

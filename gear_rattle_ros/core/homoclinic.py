@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from .closed_orbits import fire, FloatArray, Orbit
 from .compiled import kernel
-from .elementary import exp_minus, logarithm, TWO_PI
-from .flight import NO_WALL
+from .flight.closed_form import NO_WALL
+from .flight.elementary import exp_minus, logarithm, TWO_PI
 from .impact_map import next_impact
 from .section import distances
 

@@ -3,9 +3,9 @@
 import math
 
 from .compiled import kernel
-from .elementary import relaxation, sine_cosine
-from .first_impact import search_impact
-from .flight import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
+from .flight.closed_form import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
+from .flight.elementary import relaxation, sine_cosine
+from .flight.first_impact import search_impact
 from .model import STICKING_SPEED
 
 

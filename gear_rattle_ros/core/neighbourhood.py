@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from .closed_orbits import fire, FloatArray, Orbit
-from .elementary import TWO_PI
+from .flight.elementary import TWO_PI
 from .recorded import record_impacts, starts_after
 from .section import turn
 

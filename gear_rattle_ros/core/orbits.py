@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from .closed_orbits import close_orbit, Orbit
 from .compiled import kernel
-from .elementary import sine_cosine, TWO_PI
-from .flight import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
+from .flight.closed_form import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
+from .flight.elementary import sine_cosine, TWO_PI
 from .lyapunov import RunningLyapunov
 from .model import EventArray, EventKind, Parameters
 from .section import distance, distances, turn

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .compiled import kernel
-from .elementary import sine_cosine, TWO_PI
-from .flight import displace, elapsed, is_pressed
+from .flight.closed_form import displace, elapsed, is_pressed
+from .flight.elementary import sine_cosine, TWO_PI
 from .model import EventArray, EventKind
 
 RELEASE = int(EventKind.RELEASE)

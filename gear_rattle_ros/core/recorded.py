@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from .classify import RecordArray, STEPS
 from .compiled import kernel
-from .elementary import TWO_PI
-from .lanes import advance, EMPTY, IMPACT, new_impacts, new_tiles, refill, release, START
-from .lanes_step import LANES
+from .flight.elementary import TWO_PI
+from .flight.lanes import advance, EMPTY, IMPACT, new_impacts, new_tiles, refill, release, START
+from .flight.lanes_step import LANES
 from .model import Parameters
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .compiled import kernel
-from .elementary import TWO_PI
+from .flight.elementary import TWO_PI
 
 
 @kernel

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from .compiled import kernel
-from .flight import elapsed, FLYING
+from .flight.closed_form import elapsed, FLYING
+from .flight.simulation import run, settle, state_at, TRAJECTORY, write_event
 from .model import EVENT, EventArray, EventKind
-from .simulation import run, settle, state_at, TRAJECTORY, write_event
 from .stream import Hole
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)

@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from .classify import CELLS, ENTRY, POINT, SETTINGS, Table
 from .closed_orbits import Orbit
-from .elementary import TWO_PI
-from .flight import NO_WALL
-from .lanes import EMPTY
+from .flight.closed_form import NO_WALL
+from .flight.elementary import TWO_PI
+from .flight.lanes import EMPTY
 
 # Cells reach so much beyond the fastest point.
 ROOM: Final = 1.05

@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.elementary import TWO_PI
+from ..core.flight.elementary import TWO_PI
+from ..core.flight.simulation import Simulation
 from ..core.model import EventKind, Parameters, State
 from ..core.reconstruction import drive_phases, rebuild
-from ..core.simulation import Simulation
 
 IMPACTS: Final = 400
 # Drive periods after which one that has few impacts is cut off, and those whose motion is drawn.

@@ -16,9 +16,9 @@ from std_srvs.srv import SetBool, Trigger
 from .dds_room import StreamingNode
 from .pacing import AcknowledgedPace, ClockPace
 from .shell import run_node
-from ..core.fingerprint import fingerprint
+from ..core.flight.fingerprint import fingerprint
+from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
-from ..core.simulation import Simulation
 from ..core.words import counted
 from ..messages import (
     cloud_from_events,

@@ -25,9 +25,9 @@ from ..core.classify import (
     WATCH,
 )
 from ..core.closed_orbits import Orbit
-from ..core.elementary import TWO_PI
-from ..core.lanes import EMPTY, new_impacts, new_tiles, START
-from ..core.lanes_step import LANES
+from ..core.flight.elementary import TWO_PI
+from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
+from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.table import dilated, make_table
 

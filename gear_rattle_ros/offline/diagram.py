@@ -11,7 +11,7 @@ from .catalogue import Kind
 from .columns import Branch, Window
 from .grid import Plane
 from .layout import Axis, Layout, Variable
-from ..core.lanes_step import LANES
+from ..core.flight.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 FloatArray = npt.NDArray[np.float64]

@@ -13,10 +13,10 @@ from .grid import make_starts
 from ..core.branches import Change, follow, is_own_image, Turn
 from ..core.classify import RecordArray
 from ..core.closed_orbits import close_near, Orbit
-from ..core.elementary import TWO_PI
 from ..core.escape import EscapeRate
-from ..core.flight import NO_WALL
-from ..core.lanes_step import LANES
+from ..core.flight.closed_form import NO_WALL
+from ..core.flight.elementary import TWO_PI
+from ..core.flight.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters
 from ..core.periodic import find_orbit
 from ..core.recorded import record_impacts, starts_after

@@ -24,8 +24,8 @@ from ..core.escape import (
     STEPS,
     SURVIVED,
 )
-from ..core.lanes import new_impacts, new_tiles
-from ..core.lanes_step import LANES
+from ..core.flight.lanes import new_impacts, new_tiles
+from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,8 +15,8 @@ from .layout import Axis, Layout, Variable
 from .search import Check
 from .store import Store
 from .store_making import make_store
+from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.growth import grow, STEPS
-from ..core.lanes import new_impacts, new_tiles
 from ..core.model import Parameters
 from ..core.words import counted
 

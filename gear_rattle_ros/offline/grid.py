@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.lanes import START
+from ..core.flight.lanes import START
 from ..core.model import Parameters, require_finite, VELOCITY_MAXIMUM
 
 TWO_PI: Final = 2.0 * math.pi

@@ -29,8 +29,8 @@ from .store import Store
 from .store_making import make_store
 from .tracks import track
 from ..core.closed_orbits import Orbit
-from ..core.lanes import START
-from ..core.lanes_step import LANES
+from ..core.flight.lanes import START
+from ..core.flight.lanes_step import LANES
 from ..core.raster import BLOCKS
 from ..core.words import counted, in_columns
 

@@ -22,7 +22,7 @@ from .grid import Plane
 from ..core.chaos import chaotic_sets, ChaoticSet, Effort, THOROUGH
 from ..core.classify import RecordArray, UNRESOLVED
 from ..core.closed_orbits import close_orbit, NEAR, Orbit
-from ..core.lanes_step import LANES
+from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.periodic import find_orbit, with_neighbourhood
 from ..core.recorded import record_impacts

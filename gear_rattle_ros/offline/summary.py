@@ -19,9 +19,9 @@ from .digest import Digest, digest_of, in_words, RowArray
 from .figures_style import phase_ticks, thousands, VELOCITY_LABEL
 from .plain import attempt, Parser
 from ..bags import Bag, BagError
+from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State
 from ..core.reconstruction import rebuild
-from ..core.simulation import Simulation
 from ..core.words import counted
 from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 

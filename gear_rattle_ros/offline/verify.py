@@ -16,7 +16,7 @@ from .plain import attempt, Parser
 from .recomputed import Exponents, Transients
 from ..bags import Bag, CloudDecoder
 from ..bags.small_messages import Named, read_diagnostics, read_joint_state
-from ..core.fingerprint import fingerprint
+from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
 from ..core.stream import Hole, StreamGuard
 from ..core.succession import Succession

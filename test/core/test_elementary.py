@@ -10,8 +10,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core import elementary, fingerprint
-from gear_rattle_ros.core.elementary import (
+from gear_rattle_ros.core.flight import elementary, fingerprint
+from gear_rattle_ros.core.flight.elementary import (
     arctangent,
     exp_minus,
     length,

@@ -7,11 +7,11 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
 from gear_rattle_ros.core.orbits import Regime, TransientDetector, TransientReport
-from gear_rattle_ros.core.simulation import Simulation
 
 FAR = 10**8
 

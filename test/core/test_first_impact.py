@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from reference import DIGITS, Flight
 
-from gear_rattle_ros.core.elementary import TWO_PI
-from gear_rattle_ros.core.first_impact import (
+from gear_rattle_ros.core.flight.closed_form import LEG, NO_WALL, stays_clear, UPPER
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.first_impact import (
     bisect_on,
     force_zero_delay,
     HALVINGS,
@@ -20,7 +21,6 @@ from gear_rattle_ros.core.first_impact import (
     search_impact,
     STRETCH,
 )
-from gear_rattle_ros.core.flight import LEG, NO_WALL, stays_clear, UPPER
 
 EPS = 2.0**-52
 Array = np.ndarray[Any, Any]

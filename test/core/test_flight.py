@@ -9,9 +9,7 @@ import pytest
 from reference import DIGITS, Flight, roots
 from scipy.integrate import solve_ivp
 
-from gear_rattle_ros.core.elementary import sine_cosine, TWO_PI
-from gear_rattle_ros.core.first_impact import search_impact
-from gear_rattle_ros.core.flight import (
+from gear_rattle_ros.core.flight.closed_form import (
     acceleration,
     displace,
     elapsed,
@@ -21,8 +19,10 @@ from gear_rattle_ros.core.flight import (
     rebound,
     UPPER,
 )
+from gear_rattle_ros.core.flight.elementary import sine_cosine, TWO_PI
+from gear_rattle_ros.core.flight.first_impact import search_impact
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 EPS = 2.0**-52
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles, START
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.growth import grow, STEPS
-from gear_rattle_ros.core.lanes import new_impacts, new_tiles, START
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 
 def exponents(starts: np.ndarray, count: int) -> np.ndarray:

@@ -8,11 +8,11 @@ from hypothesis import assume, given, settings, strategies as st
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EVENT, EventArray, EventKind, Parameters, State
 from gear_rattle_ros.core.orbits import Regime, TransientDetector
 from gear_rattle_ros.core.report_values import texts, transient_values
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import GUARDED, StreamGuard
 from gear_rattle_ros.core.succession import Succession
 

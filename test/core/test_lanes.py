@@ -11,10 +11,10 @@ import numpy.typing as npt
 import pytest
 from reference import DIGITS, Flight
 
-from gear_rattle_ros.core import lanes_step
-from gear_rattle_ros.core.elementary import sine_cosine, TWO_PI
-from gear_rattle_ros.core.flight import displace
-from gear_rattle_ros.core.lanes import (
+from gear_rattle_ros.core.flight import lanes_step
+from gear_rattle_ros.core.flight.closed_form import displace
+from gear_rattle_ros.core.flight.elementary import sine_cosine, TWO_PI
+from gear_rattle_ros.core.flight.lanes import (
     advance,
     begin,
     EMPTY,
@@ -31,9 +31,9 @@ from gear_rattle_ros.core.lanes import (
     RUNS,
     START,
 )
-from gear_rattle_ros.core.lanes_step import LANES, step
+from gear_rattle_ros.core.flight.lanes_step import LANES, step
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 STEPS = 40
 

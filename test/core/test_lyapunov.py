@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
 from gear_rattle_ros.core.report_values import infinite_in_words, lyapunov_values
-from gear_rattle_ros.core.simulation import Simulation
 
 FAR = 10**8
 

@@ -112,7 +112,7 @@ def test_compiled_kernels_are_kept_where_one_can_write(tmp_path: Path, writable:
         [sys.executable, '-c',
          'import numba; before = numba.config.CACHE_DIR\n'
          'from gear_rattle_ros.core.compiled import cache_directory\n'
-         'from gear_rattle_ros.core.elementary import exp_minus\n'
+         'from gear_rattle_ros.core.flight.elementary import exp_minus\n'
          'assert numba.config.CACHE_DIR == before\n'
          'assert exp_minus(0.0) == 1.0; print(cache_directory())'],
         env={**os.environ, 'NUMBA_CACHE_DIR': str(wanted), 'TMPDIR': str(tmp_path)},

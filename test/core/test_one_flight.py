@@ -6,8 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.elementary import TWO_PI
-from gear_rattle_ros.core.lanes import (
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.lanes import (
     advance,
     EMPTY,
     is_busy,
@@ -18,9 +18,9 @@ from gear_rattle_ros.core.lanes import (
     release,
     START,
 )
-from gear_rattle_ros.core.lanes_step import LANES
+from gear_rattle_ros.core.flight.lanes_step import LANES
+from gear_rattle_ros.core.flight.simulation import IMPACT, run, settle, STICK, TRAJECTORY
 from gear_rattle_ros.core.model import EVENT
-from gear_rattle_ros.core.simulation import IMPACT, run, settle, STICK, TRAJECTORY
 
 STEPS: Final = 40
 IMPACTS: Final = 8

@@ -9,9 +9,9 @@ import pytest
 from reference import DIGITS, Flight
 from scipy import stats
 
-from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 PHASES = st.floats(0.0, TWO_PI, exclude_max=True)
 PARAMETERS = st.builds(

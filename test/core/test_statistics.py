@@ -7,9 +7,9 @@ import numba
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 Array = np.ndarray[Any, Any]
 TRAJECTORIES: Final = 400

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from reference import DIGITS, Flight
 
-from gear_rattle_ros.core.elementary import TWO_PI
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State, STICKING_SPEED
-from gear_rattle_ros.core.simulation import Simulation
 
 
 def times(events: EventArray) -> np.ndarray:

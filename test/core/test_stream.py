@@ -4,8 +4,8 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import Hole, Piece, StreamGuard
 
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.elementary import TWO_PI
-from gear_rattle_ros.core.flight import elapsed
+from gear_rattle_ros.core.flight.closed_form import elapsed
+from gear_rattle_ros.core.flight.elementary import TWO_PI
+from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.flight.tangent import flight_matrix, impact_matrix, log_determinant
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
-from gear_rattle_ros.core.tangent import flight_matrix, impact_matrix, log_determinant
 
 
 def between(before: np.void, after: np.void) -> float:

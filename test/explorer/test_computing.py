@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.explorer.catalogues import Catalogues
 from gear_rattle_ros.explorer.computing import Picture, pictures
 from gear_rattle_ros.explorer.painting import Colours, legend, paint

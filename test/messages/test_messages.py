@@ -13,8 +13,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 
 from gear_rattle_ros import messages
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventArray, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 STAMP = Time(sec=12, nanosec=34)
 

@@ -7,8 +7,8 @@ import pytest
 from rclpy.parameter import Parameter
 
 from gear_rattle_ros import parameters
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.parameters import SIMULATOR, Specification, TABLES
 
 BY_NAME = {specification.name: specification for specification in SIMULATOR}

@@ -12,8 +12,8 @@ from rclpy.utilities import try_shutdown
 from rich.console import Console
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.display import render, Status
 from gear_rattle_ros.nodes.shell import begin

@@ -14,8 +14,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import StreamGuard
 from gear_rattle_ros.messages import (
     cloud_from_events,

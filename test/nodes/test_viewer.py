@@ -17,8 +17,8 @@ from rerun.chunk import Chunk, RrdReader
 from rerun.error_utils import RerunWarning
 from sensor_msgs.msg import JointState, PointCloud2
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.messages import (
     cloud_from_events,
     diagnostic_array,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline.attractors import main
 from gear_rattle_ros.offline.catalogue import Kind
 from gear_rattle_ros.offline.grid import Plane

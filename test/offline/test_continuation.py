@@ -14,9 +14,9 @@ from gear_rattle_ros.core.closed_orbits import (
     same_orbit,
     solve_ring,
 )
-from gear_rattle_ros.core.flight import UPPER
+from gear_rattle_ros.core.flight.closed_form import UPPER
+from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.impact_map import derivatives, next_impact
-from gear_rattle_ros.core.lanes_step import LANES
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.periodic import find_orbit
 from gear_rattle_ros.core.recorded import record_impacts

@@ -9,9 +9,9 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline import summary
 from gear_rattle_ros.offline.digest import (
     Digest,

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 
-from gear_rattle_ros.core.elementary import relaxation
-from gear_rattle_ros.core.fingerprint import fingerprint
-from gear_rattle_ros.core.flight import displace, later
+from gear_rattle_ros.core.flight.closed_form import displace, later
+from gear_rattle_ros.core.flight.elementary import relaxation
+from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.messages import events_from_cloud
 from gear_rattle_ros.qos import STREAM_INPUT
 

@@ -16,9 +16,9 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool
 
 from gear_rattle_ros.bags import Bag
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.core.stream import StreamGuard
 from gear_rattle_ros.messages import cloud_from_events, events_from_cloud, stamp_from_nanoseconds
 from gear_rattle_ros.qos import STREAM, STREAM_INPUT

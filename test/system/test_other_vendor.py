@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
 
 pytest.importorskip('cyclonedds', reason='Cyclone DDS has no wheel for this Python')
 

@@ -23,10 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .advancement import is_slow, leap
-from .compiled import kernel
-from .elementary import sine_cosine
-from .first_impact import bisect_on
-from .flight import (
+from .closed_form import (
     departure,
     displace,
     displace_leg,
@@ -39,8 +36,11 @@ from .flight import (
     release_delay,
     UPPER,
 )
+from .elementary import sine_cosine
+from .first_impact import bisect_on
 from .lanes_step import CRAWLING, LANES, step, TILE
-from .model import STICKING_SPEED
+from ..compiled import kernel
+from ..model import STICKING_SPEED
 
 CACHE_LINE: Final = 64
 # In place of the number of a start: the lane is free.

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from .compiled import kernel
 from .elementary import logarithm, sine_cosine, TWO_PI
+from ..compiled import kernel
 
 
 @kernel

@@ -1,8 +1,8 @@
 """Flight and impact matrices of the tangent map at fixed time, (ds, dv)."""
 
-from .compiled import kernel
+from .closed_form import acceleration
 from .elementary import logarithm, relaxation, sine_cosine
-from .flight import acceleration
+from ..compiled import kernel
 
 
 @kernel

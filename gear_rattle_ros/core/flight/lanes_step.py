@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 
 from .advancement import aim, close_in, is_slow, look_ahead, stop_ahead, stop_behind
-from .compiled import kernel
+from .closed_form import later, LEG
 from .elementary import relaxation_series, sine_cosine, sine_defect
-from .flight import later, LEG
 from .lanes_simd import choose, inlined, prefer_wide_vectors
-from .model import STICKING_SPEED
+from ..compiled import kernel
+from ..model import STICKING_SPEED
 
 # Lanes of a tile: its rows fit the first-level cache, with chains enough to hide latencies.
 LANES: Final = 96

@@ -7,10 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from .compiled import kernel
-from .elementary import sine_cosine, TWO_PI
-from .first_impact import search_impact
-from .flight import (
+from .closed_form import (
     displace,
     displace_leg,
     elapsed,
@@ -26,8 +23,11 @@ from .flight import (
     stays_clear,
     UPPER,
 )
-from .model import EVENT, EventArray, EventKind, Parameters, require_finite, State
+from .elementary import sine_cosine, TWO_PI
+from .first_impact import search_impact
 from .noise import gaussian
+from ..compiled import kernel
+from ..model import EVENT, EventArray, EventKind, Parameters, require_finite, State
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 NOISE_MAXIMUM: Final = 10.0

@@ -10,18 +10,10 @@ the next, between which the flight turns once at the most (doc/steps.md has the 
 import math
 from typing import Final
 
-from .advancement import (
-    aim,
-    close_in,
-    is_slow,
-    leap,
-    look_ahead,
-    stop_ahead,
-    stop_behind,
-)
-from .compiled import kernel
+from .advancement import aim, close_in, is_slow, leap, look_ahead, stop_ahead, stop_behind
+from .closed_form import departure, displace, later, LOWER, NO_WALL, UPPER
 from .elementary import arctangent, sine_cosine, TWO_PI
-from .flight import departure, displace, later, LOWER, NO_WALL, UPPER
+from ..compiled import kernel
 
 # Halvings of an interval of times down to two neighbours: 11 of its logarithm, then 54.
 HALVINGS: Final = 66

@@ -11,16 +11,9 @@ import math
 import numpy as np
 
 from .advancement import HORIZON_MAXIMUM
-from .compiled import kernel
-from .elementary import (
-    arctangent,
-    relaxation,
-    sine_cosine,
-    sine_defect,
-    TWO_PI,
-    TWO_PI_TAIL,
-)
-from .model import STICKING_SPEED, Wall
+from .elementary import arctangent, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
+from ..compiled import kernel
+from ..model import STICKING_SPEED, Wall
 
 # What holds a trajectory at a moment.
 FLYING = 0

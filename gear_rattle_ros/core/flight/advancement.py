@@ -9,8 +9,8 @@ because ``|s''|`` without the drive only decays.
 
 from typing import Final
 
-from .compiled import kernel
 from .lanes_simd import choose, inlined, square_root
+from ..compiled import kernel
 
 # Longest single step of the search [1].
 HORIZON_MAXIMUM: Final = 10.0

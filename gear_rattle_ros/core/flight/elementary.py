@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from .compiled import kernel
+from ..compiled import kernel
 
 TWO_PI = 2.0 * math.pi
 HALF_PI = 0.5 * math.pi

@@ -4,8 +4,8 @@ import functools
 import hashlib
 from typing import Final
 
-from .model import Parameters, State
 from .simulation import Simulation
+from ..model import Parameters, State
 
 # Chaos, a crisis, no damping, chatter and sticking, a plastic wall, flights without impacts, and
 # noise.
