@@ -29,7 +29,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 
 from gear_rattle_ros.bags import Bag, CloudDecoder
-from gear_rattle_ros.core.succession import Succession
+from gear_rattle_ros.core.stream.succession import Succession
 from gear_rattle_ros.offline.recover import recover
 from gear_rattle_ros.qos import STREAM_INPUT
 

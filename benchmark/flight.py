@@ -19,9 +19,9 @@ import numba
 import numpy as np
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.transients import TransientDetector
 
 ALPHAS = (0.48, 1.244)
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9

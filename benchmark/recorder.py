@@ -26,8 +26,8 @@ from sensor_msgs.msg import PointCloud2
 from gear_rattle_ros.bags import Bag, CloudDecoder
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, Parameters, State
-from gear_rattle_ros.core.points import POINT
-from gear_rattle_ros.core.stream import StreamGuard
+from gear_rattle_ros.core.stream.event_points import POINT
+from gear_rattle_ros.core.stream.guard import StreamGuard
 from gear_rattle_ros.messages import cloud_from_events
 from gear_rattle_ros.qos import STREAM
 

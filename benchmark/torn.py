@@ -25,7 +25,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 
 from gear_rattle_ros.bags import CloudDecoder
-from gear_rattle_ros.core.points import POINT
+from gear_rattle_ros.core.stream.event_points import POINT
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.qos import STREAM, STREAM_INPUT
 

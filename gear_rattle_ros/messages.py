@@ -13,8 +13,8 @@ from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from .core.model import EVENT, EventArray
-from .core.points import decode_points, POINT, point_fields
-from .core.report_values import texts
+from .core.stream.event_points import decode_points, POINT, point_fields
+from .core.stream.report_values import texts
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'

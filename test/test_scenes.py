@@ -11,9 +11,9 @@ sys.path.insert(0, str(ROOT / 'tools'))
 import scene_page  # noqa: E402
 
 from gear_rattle_ros.core.flight.simulation import Simulation  # noqa: E402
-from gear_rattle_ros.core.lyapunov import RunningLyapunov  # noqa: E402
 from gear_rattle_ros.core.model import Parameters, State  # noqa: E402
-from gear_rattle_ros.core.orbits import Regime, TransientDetector  # noqa: E402
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov  # noqa: E402
+from gear_rattle_ros.core.stream.transients import Regime, TransientDetector  # noqa: E402
 from gear_rattle_ros.parameters import SIMULATOR  # noqa: E402
 from gear_rattle_ros.scenes import (  # noqa: E402
     find_scene,

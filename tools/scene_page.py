@@ -15,9 +15,9 @@ import textwrap
 import numpy as np
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, impact_count, Parameters, State
-from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.scenes import load_scenes, Number, Scene, START, Step
 
 COMMAND = 'python tools/scene_page.py'

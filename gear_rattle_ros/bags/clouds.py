@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from ..core.model import EventArray
-from ..core.points import decode_points, Field, view_points
+from ..core.stream.event_points import decode_points, Field, view_points
 
 POINT_CLOUD: Final = 'sensor_msgs/msg/PointCloud2'
 # Length of the encapsulation in front of a message; alignments count from its end.

@@ -12,10 +12,10 @@ from .closed_orbits import close_near, Orbit
 from .compiled import kernel
 from .flight.elementary import TWO_PI
 from .flight.simulation import Simulation
-from .lyapunov import LyapunovReport, RunningLyapunov
 from .model import EventArray, Parameters, State
 from .recorded import record_impacts, starts_after
 from .section import distance, distances, shortest_recurrence
+from .stream.lyapunov import LyapunovReport, RunningLyapunov
 
 # Trajectories that have so much of their boxes in common are on the same set.
 OVERLAP: Final = 0.5

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.simulation import Simulation
 from ..core.model import EventKind, Parameters, State
-from ..core.reconstruction import drive_phases, rebuild
+from ..core.stream.reconstruction import drive_phases, rebuild
 
 IMPACTS: Final = 400
 # Drive periods after which one that has few impacts is cut off, and those whose motion is drawn.

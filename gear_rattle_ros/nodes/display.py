@@ -10,7 +10,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from ..core.report_values import infinite_in_words
+from ..core.stream.report_values import infinite_in_words
 from ..core.words import counted
 
 

@@ -9,9 +9,9 @@ from sensor_msgs.msg import JointState
 from .dds_room import ReadingNode
 from .shell import EventInput, HoleLog, run_node
 from ..core.flight.simulation import Simulation
-from ..core.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.model import EventArray, Parameters, State
-from ..core.report_values import infinite_in_words, lyapunov_values
+from ..core.stream.lyapunov import LyapunovReport, RunningLyapunov
+from ..core.stream.report_values import infinite_in_words, lyapunov_values
 from ..messages import named_values, stamp_from_nanoseconds
 from ..parameters import LYAPUNOV
 from ..qos import STREAM

@@ -34,7 +34,7 @@ from .arguments import (
 )
 from .services import harden
 from ..core.model import EventArray
-from ..core.stream import StreamGuard
+from ..core.stream.guard import StreamGuard
 from ..core.words import counted
 from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
 from ..parameters import declare, shown, Specification

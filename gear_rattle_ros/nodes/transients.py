@@ -8,8 +8,8 @@ from .dds_room import ReadingNode
 from .shell import EventInput, HoleLog, run_node
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
-from ..core.orbits import TransientDetector
-from ..core.report_values import transient_values
+from ..core.stream.report_values import transient_values
+from ..core.stream.transients import TransientDetector
 from ..messages import diagnostic_array, stamp_from_nanoseconds
 from ..parameters import TRANSIENTS
 from ..qos import LATCHED

@@ -17,8 +17,8 @@ from .viewer_recent import Recent
 from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
 from .viewer_sinks import add_index, chosen_mode, file_recording, Window
 from ..core.model import EVENT, EventArray
-from ..core.reconstruction import rebuild
-from ..core.report_values import infinite_in_words
+from ..core.stream.reconstruction import rebuild
+from ..core.stream.report_values import infinite_in_words
 from ..core.words import counted
 from ..parameters import VIEWER
 from ..qos import LATCHED, STREAM

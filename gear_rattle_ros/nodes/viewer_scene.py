@@ -22,8 +22,8 @@ from .viewer_axes import (
 )
 from .viewer_basin import BasinPicture
 from .viewer_recent import Recent, ROW, RowArray
-from ..core.axes import Place
-from ..core.reconstruction import rebuild
+from ..core.stream.counters import Place
+from ..core.stream.reconstruction import rebuild
 from ..palette import BLUE, GREEN, ORANGE, PURPLE, rgba
 
 TWO_PI = 2.0 * math.pi

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ..core.axes import advanced, drive_times, impact_numbers, Place
-from ..core.lyapunov import RunningLyapunov
 from ..core.model import EVENT, EventArray, EventKind, impact_count
-from ..core.orbits import Regime, TransientDetector, TransientReport
-from ..core.report_values import infinite_in_words, lyapunov_values
-from ..core.stream import Piece, StreamGuard
+from ..core.stream.counters import advanced, drive_times, impact_numbers, Place
+from ..core.stream.guard import Piece, StreamGuard
+from ..core.stream.lyapunov import RunningLyapunov
+from ..core.stream.report_values import infinite_in_words, lyapunov_values
+from ..core.stream.transients import Regime, TransientDetector, TransientReport
 
 POINT: Final = np.dtype([
     ('impact', np.int64), ('drive_time', np.float64), ('phase', np.float64),

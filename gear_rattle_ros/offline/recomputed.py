@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from ..bags.small_messages import Named
-from ..core.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.model import EventArray, EventKind
-from ..core.orbits import TransientDetector
-from ..core.report_values import lyapunov_values, texts, transient_values
+from ..core.stream.lyapunov import LyapunovReport, RunningLyapunov
+from ..core.stream.report_values import lyapunov_values, texts, transient_values
+from ..core.stream.transients import TransientDetector
 
 TOLERANCE: Final = 1e-3
 WINDOW: Final = 1000

@@ -10,7 +10,7 @@ from ..bags.clouds import POINT_CLOUD
 from ..bags.metadata import file_names
 from ..bags.salvage import Damage, Salvage
 from ..core.model import EventArray
-from ..core.stream import StreamGuard
+from ..core.stream.guard import StreamGuard
 from ..core.words import counted
 
 

@@ -21,7 +21,7 @@ from .plain import attempt, Parser
 from ..bags import Bag, BagError
 from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State
-from ..core.reconstruction import rebuild
+from ..core.stream.reconstruction import rebuild
 from ..core.words import counted
 from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 

@@ -18,8 +18,8 @@ from ..bags import Bag, CloudDecoder
 from ..bags.small_messages import Named, read_diagnostics, read_joint_state
 from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
-from ..core.stream import Hole, StreamGuard
-from ..core.succession import Succession
+from ..core.stream.guard import Hole, StreamGuard
+from ..core.stream.succession import Succession
 from ..core.words import counted
 
 # Batches looked at together.

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EVENT, EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.orbits import Regime, TransientDetector
-from gear_rattle_ros.core.report_values import texts, transient_values
-from gear_rattle_ros.core.stream import GUARDED, StreamGuard
-from gear_rattle_ros.core.succession import Succession
+from gear_rattle_ros.core.stream.guard import GUARDED, StreamGuard
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.report_values import texts, transient_values
+from gear_rattle_ros.core.stream.succession import Succession
+from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 
 TWO_PI = 2.0 * math.pi
 COUNTED = (EventKind.IMPACT, EventKind.STICK)

@@ -9,9 +9,9 @@ from scipy.integrate import quad
 
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
-from gear_rattle_ros.core.report_values import infinite_in_words, lyapunov_values
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.report_values import infinite_in_words, lyapunov_values
 
 FAR = 10**8
 

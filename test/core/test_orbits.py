@@ -10,10 +10,10 @@ from test_tangent import jacobian_of_equation_9
 
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State, Wall
-from gear_rattle_ros.core.orbits import Regime, TransientDetector, TransientReport
-from gear_rattle_ros.core.report_values import texts, transient_values
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.report_values import texts, transient_values
+from gear_rattle_ros.core.stream.transients import Regime, TransientDetector, TransientReport
 
 FAR = 10**8
 TOLERANCE = 1e-3

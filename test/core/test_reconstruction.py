@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.reconstruction import drive_phases, rebuild, state_after
+from gear_rattle_ros.core.stream.reconstruction import drive_phases, rebuild, state_after
 
 TWO_PI = 2.0 * math.pi
 

@@ -6,7 +6,7 @@ import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.stream import Hole, Piece, StreamGuard
+from gear_rattle_ros.core.stream.guard import Hole, Piece, StreamGuard
 
 
 def stream(first: int = 0) -> EventArray:

@@ -5,7 +5,7 @@ import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventArray, EventKind, Parameters, State
-from gear_rattle_ros.core.succession import Succession
+from gear_rattle_ros.core.stream.succession import Succession
 
 FLOATS = [name for name in EVENT.names or () if EVENT[name] == np.float64]
 

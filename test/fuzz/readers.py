@@ -16,7 +16,7 @@ from gear_rattle_ros.bags.clouds import CloudDecoder
 from gear_rattle_ros.bags.metadata import file_names
 from gear_rattle_ros.bags.salvage import Salvage
 from gear_rattle_ros.core.model import EventKind
-from gear_rattle_ros.core.points import check_events
+from gear_rattle_ros.core.stream.event_points import check_events
 from gear_rattle_ros.offline.checksums import attributes_checksum, CHECKSUM, require_attributes
 from gear_rattle_ros.offline.documents import (
     require_group,

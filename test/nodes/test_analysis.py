@@ -9,9 +9,9 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState, PointCloud2
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.orbits import TransientDetector
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.qos import LATCHED, STREAM
 

@@ -15,7 +15,7 @@ import pytest
 from rclpy.duration import Duration
 from std_msgs.msg import UInt32
 
-from gear_rattle_ros.core.points import POINT
+from gear_rattle_ros.core.stream.event_points import POINT
 from gear_rattle_ros.nodes import dds_room
 from gear_rattle_ros.nodes.dds_room import (
     bound_backlog,

@@ -18,8 +18,8 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import String
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventKind, Parameters, State
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.parameters import SIMULATOR
 from gear_rattle_ros.qos import STREAM

@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
-from gear_rattle_ros.core.stream import StreamGuard
+from gear_rattle_ros.core.stream.guard import StreamGuard
 from gear_rattle_ros.messages import (
     cloud_from_events,
     events_from_cloud,

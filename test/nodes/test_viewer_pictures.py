@@ -16,8 +16,8 @@ from PIL import Image
 import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
 from gear_rattle_ros.nodes.viewer_basin import BasinInput
 from gear_rattle_ros.nodes.viewer_recent import Recent

@@ -20,7 +20,7 @@ from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.core.orbits import Regime, TransientDetector
+from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline import pictures
 from gear_rattle_ros.offline.basins import magnifications
 from gear_rattle_ros.offline.catalogue import Kind

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.orbits import Regime, TransientDetector
 from gear_rattle_ros.core.raster import count_velocities
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline.catalogue import Kind
 from gear_rattle_ros.offline.columns import find_branches, Window
 from gear_rattle_ros.offline.grid import Plane

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.offline import summary
 from gear_rattle_ros.offline.digest import (
     Digest,

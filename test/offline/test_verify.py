@@ -12,10 +12,10 @@ from rclpy.serialization import serialize_message
 from gear_rattle_ros.bags import BagWriter
 from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.model import EventArray, Parameters, State
-from gear_rattle_ros.core.orbits import TransientDetector
-from gear_rattle_ros.core.report_values import lyapunov_values, transient_values
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.report_values import lyapunov_values, transient_values
+from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.messages import cloud_from_events, diagnostic_array, named_values
 from gear_rattle_ros.offline.verify import main, verify
 

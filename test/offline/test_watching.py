@@ -9,7 +9,7 @@ import pytest
 from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.core.orbits import Regime, TransientDetector
+from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.watching import Basins, Dropped, glance, sizes_up_to, watch
 

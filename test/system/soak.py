@@ -33,7 +33,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from gear_rattle_ros.bags import Bag
-from gear_rattle_ros.core.stream import StreamGuard
+from gear_rattle_ros.core.stream.guard import StreamGuard
 from gear_rattle_ros.start import EXECUTABLES
 
 NODES = ('simulator', 'lyapunov', 'transients', 'recorder', 'viewer')

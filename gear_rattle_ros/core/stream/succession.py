@@ -6,11 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from .compiled import kernel
-from .flight.closed_form import elapsed, FLYING
-from .flight.simulation import run, settle, state_at, TRAJECTORY, write_event
-from .model import EVENT, EventArray, EventKind
-from .stream import Hole
+from .guard import Hole
+from ..compiled import kernel
+from ..flight.closed_form import elapsed, FLYING
+from ..flight.simulation import run, settle, state_at, TRAJECTORY, write_event
+from ..model import EVENT, EventArray, EventKind
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 FOLLOWS, DIFFERS, NUMBERING, BACKWARDS, OVERDUE, NOTHING = range(6)

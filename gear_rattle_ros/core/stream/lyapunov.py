@@ -6,12 +6,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from .compiled import kernel
-from .flight.closed_form import elapsed
-from .flight.elementary import length, logarithm, sine_cosine
-from .flight.tangent import flight_matrix, impact_matrix, log_determinant
-from .model import EventArray, EventKind
-from .stream import StreamGuard
+from .guard import StreamGuard
+from ..compiled import kernel
+from ..flight.closed_form import elapsed
+from ..flight.elementary import length, logarithm, sine_cosine
+from ..flight.tangent import flight_matrix, impact_matrix, log_determinant
+from ..model import EventArray, EventKind
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 # Standard errors: block means over blocks that double in length when this many are full.

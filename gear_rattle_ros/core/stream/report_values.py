@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 from .lyapunov import LyapunovReport
-from .model import Wall
-from .orbits import TransientReport
+from .transients import TransientReport
+from ..model import Wall
 
 # Points of an orbit that are written down; one that sticks may have thousands.
 POINTS_MOST: Final = 256

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from .flight.elementary import TWO_PI
-from .model import EventArray
-from .stream import Piece
+from .guard import Piece
+from ..flight.elementary import TWO_PI
+from ..model import EventArray
 
 
 @dataclasses.dataclass(frozen=True)

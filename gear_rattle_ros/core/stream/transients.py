@@ -8,15 +8,15 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import close_orbit, Orbit
-from .compiled import kernel
-from .flight.closed_form import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
-from .flight.elementary import sine_cosine, TWO_PI
+from .guard import StreamGuard
 from .lyapunov import RunningLyapunov
-from .model import EventArray, EventKind, Parameters
-from .section import distance, distances, turn
-from .stream import StreamGuard
-from .words import counted
+from ..closed_orbits import close_orbit, Orbit
+from ..compiled import kernel
+from ..flight.closed_form import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
+from ..flight.elementary import sine_cosine, TWO_PI
+from ..model import EventArray, EventKind, Parameters
+from ..section import distance, distances, turn
+from ..words import counted
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 # Recurrences of so many impacts are counted at every impact, of so many looked for now and then.

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from .compiled import kernel
-from .model import EventArray, EventKind
+from ..compiled import kernel
+from ..model import EventArray, EventKind
 
 STICK, RETUNE = int(EventKind.STICK), int(EventKind.RETUNE)
 # The fields by which a stream is judged.

@@ -7,14 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from .model import (
-    ALPHA_MAXIMUM,
-    BETA_MAXIMUM,
-    EVENT,
-    EventArray,
-    EventKind,
-    GAMMA_MAXIMUM,
-)
+from ..model import ALPHA_MAXIMUM, BETA_MAXIMUM, EVENT, EventArray, EventKind, GAMMA_MAXIMUM
 
 # A point of the cloud: what RViz draws (phase, velocity, displacement), then the EVENT.
 POINT: Final = np.dtype(
