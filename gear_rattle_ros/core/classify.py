@@ -20,7 +20,7 @@ from .flight.elementary import sine_cosine, TWO_PI
 from .flight.lanes import advance, EMPTY, FLOATS, refill, release, RESTS
 from .flight.lanes_step import LANES
 from .model import STICKING_SPEED
-from .section import distance
+from .orbits.section import distance
 
 # Labels that are no number of an attractor of the table.
 UNRESOLVED: Final = -1

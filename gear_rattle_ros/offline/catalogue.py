@@ -24,11 +24,11 @@ from ..core.classify import (
     UNRESOLVED,
     WATCH,
 )
-from ..core.closed_orbits import Orbit
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
+from ..core.orbits.orbit import Orbit
 from ..core.table import dilated, make_table
 
 TOLERANCE: Final = 1e-3

@@ -10,8 +10,8 @@ from .catalogue import Attractor, Catalogue, Kind
 from .search import find_attractors
 from ..core.chaos import SWEEP
 from ..core.classify import RecordArray
-from ..core.closed_orbits import Orbit
 from ..core.model import Parameters
+from ..core.orbits.orbit import Orbit
 from ..core.raster import BLOCKS, count_velocities
 
 FloatArray = npt.NDArray[np.float64]

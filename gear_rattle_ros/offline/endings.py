@@ -10,17 +10,17 @@ import numpy.typing as npt
 
 from .escape_rates import fit_law
 from .grid import make_starts
-from ..core.branches import Change, follow, is_own_image, Turn
 from ..core.classify import RecordArray
-from ..core.closed_orbits import close_near, Orbit
 from ..core.escape import EscapeRate
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters
+from ..core.orbits.branches import Change, follow, is_own_image, Turn
+from ..core.orbits.orbit import close_near, Orbit
+from ..core.orbits.section import shortest_recurrence
 from ..core.periodic import find_orbit
 from ..core.recorded import record_impacts, starts_after
-from ..core.section import shortest_recurrence
 from ..core.table import dilated
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .catalogue import Catalogue, Kind
-from ..core.section import turn
+from ..core.orbits.section import turn
 
 # Attractors whose points lie further apart than this are not the same one, moved [1].
 FAR: Final = 0.35

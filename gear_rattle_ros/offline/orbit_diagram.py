@@ -28,9 +28,9 @@ from .options import (
 from .store import Store
 from .store_making import make_store
 from .tracks import track
-from ..core.closed_orbits import Orbit
 from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
+from ..core.orbits.orbit import Orbit
 from ..core.raster import BLOCKS
 from ..core.words import counted, in_columns
 

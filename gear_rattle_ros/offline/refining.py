@@ -20,7 +20,7 @@ from .engine import run_tiles, threads_here
 from .search import Check, conserves_areas, orbits_among
 from ..core.chaos import GLANCE
 from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
-from ..core.closed_orbits import Orbit
+from ..core.orbits.orbit import Orbit
 
 # The first level is left after so many impacts: it has to be quick.
 FIRST_CAP: Final = 400

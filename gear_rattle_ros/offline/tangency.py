@@ -8,11 +8,19 @@ import numpy as np
 
 from .grid import Plane
 from .search import find_attractors
-from ..core.branches import Change, follow
-from ..core.closed_orbits import close_orbit, Orbit
-from ..core.homoclinic import ACROSS, Edge, find_edge, NEVER, Saddle, saddle_of, SEED_DISTANCE
 from ..core.model import Parameters
-from ..core.section import distances
+from ..core.orbits.branches import Change, follow
+from ..core.orbits.manifolds import (
+    ACROSS,
+    Edge,
+    find_edge,
+    NEVER,
+    Saddle,
+    saddle_of,
+    SEED_DISTANCE,
+)
+from ..core.orbits.orbit import close_orbit, Orbit
+from ..core.orbits.section import distances
 from ..core.words import counted
 
 # Trajectories are given up after so many impacts.

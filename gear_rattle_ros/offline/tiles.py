@@ -18,8 +18,8 @@ from .layout import Axis, Layout, Variable
 from .refining import late_orbits, Level
 from .store import Store
 from ..core.classify import RESULT, UNRESOLVED
-from ..core.closed_orbits import Orbit
 from ..core.model import Parameters
+from ..core.orbits.orbit import Orbit
 
 LABELS: Final = '<i2'
 LIFETIMES: Final = '<i4'

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.closed_orbits import close_orbit, orbit_at
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State, Wall
+from gear_rattle_ros.core.orbits.orbit import close_orbit, orbit_at
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 

@@ -13,8 +13,8 @@ from gear_rattle_ros.core.escape import (
     UNUSED,
 )
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
-from gear_rattle_ros.core.homoclinic import find_edge
 from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.orbits.manifolds import find_edge
 from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET
 from gear_rattle_ros.offline.escape_rates import fit_exponent, fit_law
 from gear_rattle_ros.offline.grid import Plane

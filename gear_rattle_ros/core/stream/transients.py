@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from .guard import StreamGuard
 from .lyapunov import RunningLyapunov
-from ..closed_orbits import close_orbit, Orbit
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
 from ..flight.elementary import sine_cosine, TWO_PI
 from ..model import EventArray, EventKind, Parameters
-from ..section import distance, distances, turn
+from ..orbits.orbit import close_orbit, Orbit
+from ..orbits.section import distance, distances, turn
 from ..words import counted
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)

@@ -2,11 +2,11 @@
 
 import math
 
-from .compiled import kernel
-from .flight.closed_form import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
-from .flight.elementary import relaxation, sine_cosine
-from .flight.first_impact import search_impact
-from .model import STICKING_SPEED
+from ..compiled import kernel
+from ..flight.closed_form import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
+from ..flight.elementary import relaxation, sine_cosine
+from ..flight.first_impact import search_impact
+from ..model import STICKING_SPEED
 
 
 @kernel

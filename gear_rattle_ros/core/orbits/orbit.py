@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .flight.closed_form import NO_WALL
-from .flight.elementary import TWO_PI
 from .impact_map import shoot
-from .model import Parameters
 from .section import distances
+from ..flight.closed_form import NO_WALL
+from ..flight.elementary import TWO_PI
+from ..model import Parameters
 
 # Defects below this are rounding [1]; steps that get no smaller below it are, too.
 CLOSED: Final = 1e-12

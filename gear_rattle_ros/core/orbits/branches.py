@@ -9,19 +9,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import (
-    CLOSED,
-    fire,
-    FloatArray,
-    Orbit,
-    orbit_at,
-    same_orbit,
-    Shot,
-    solve_ring,
-)
-from .flight.elementary import TWO_PI
-from .model import ALPHA_MAXIMUM, Parameters
+from .orbit import CLOSED, fire, FloatArray, Orbit, orbit_at, same_orbit, Shot, solve_ring
 from .section import turn as turned
+from ..flight.elementary import TWO_PI
+from ..model import ALPHA_MAXIMUM, Parameters
 
 FIRST_STEP: Final = 2e-3
 SHORTEST_STEP: Final = 1e-10

@@ -14,12 +14,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .closed_orbits import fire, FloatArray, Orbit
-from .compiled import kernel
-from .flight.closed_form import NO_WALL
-from .flight.elementary import exp_minus, logarithm, TWO_PI
 from .impact_map import next_impact
+from .orbit import fire, FloatArray, Orbit
 from .section import distances
+from ..compiled import kernel
+from ..flight.closed_form import NO_WALL
+from ..flight.elementary import exp_minus, logarithm, TWO_PI
 
 # The unstable manifold is straight so far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from .compiled import kernel
-from .flight.elementary import TWO_PI
+from ..compiled import kernel
+from ..flight.elementary import TWO_PI
 
 
 @kernel
