@@ -18,8 +18,8 @@ import time
 
 import numpy as np
 
-from gear_rattle_ros.core.escape import CAPTURED, last_until_captured, STEPS
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
+from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured, STEPS
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.tangency import Boundary, find_boundary, find_tangency, radius_of

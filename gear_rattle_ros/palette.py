@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .core.classify import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
+from .core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
 
 # Told apart by the colour-blind too (Okabe & Ito); those that are faint on white come late, then
 # darker ones.

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.matching import follow, points_of

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from .view import HOLD, LIFETIMES, STARTS, View
-from ..core.classify import UNRESOLVED
+from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..offline.catalogue import Catalogue
 from ..offline.grid import Plane

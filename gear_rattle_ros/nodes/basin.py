@@ -18,8 +18,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from .scales import nice_limit
 from .shell import run_node, ShellNode, StartError
-from ..core.chaos import BRIEF
-from ..core.classify import UNRESOLVED
+from ..core.many.chaotic_sets import BRIEF
+from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..messages import (

@@ -16,7 +16,7 @@ from .search import find_attractors, STARTS
 from .store import Store
 from .store_making import make_store
 from .tiles import compute_grid, grid_layout
-from ..core.classify import UNRESOLVED
+from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
 

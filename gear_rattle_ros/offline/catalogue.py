@@ -10,8 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
-from ..core.chaos import ChaoticSet
-from ..core.classify import (
+from ..core.flight.elementary import TWO_PI
+from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
+from ..core.flight.lanes_step import LANES
+from ..core.many.chaotic_sets import ChaoticSet
+from ..core.many.orbit_table import dilated, make_table
+from ..core.many.settling import (
     BOXES,
     classify,
     FLOATING,
@@ -24,12 +28,8 @@ from ..core.classify import (
     UNRESOLVED,
     WATCH,
 )
-from ..core.flight.elementary import TWO_PI
-from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
-from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
-from ..core.table import dilated, make_table
 
 TOLERANCE: Final = 1e-3
 HOLD: Final = 100_000

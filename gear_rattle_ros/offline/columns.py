@@ -8,11 +8,11 @@ import numpy.typing as npt
 
 from .catalogue import Attractor, Catalogue, Kind
 from .search import find_attractors
-from ..core.chaos import SWEEP
-from ..core.classify import RecordArray
+from ..core.many.chaotic_sets import SWEEP
+from ..core.many.settling import RecordArray
+from ..core.many.velocity_counts import BLOCKS, count_velocities
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
-from ..core.raster import BLOCKS, count_velocities
 
 FloatArray = npt.NDArray[np.float64]
 

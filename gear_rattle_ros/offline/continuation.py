@@ -23,7 +23,7 @@ from .options import (
 from .orbit_diagram import compute
 from .progress import Progress
 from .store import Store
-from ..core.raster import BLOCKS
+from ..core.many.velocity_counts import BLOCKS
 
 # Of the velocities by which attractors are matched from alpha to alpha.
 BINS: Final = 1200

@@ -10,18 +10,18 @@ import numpy.typing as npt
 
 from .escape_rates import fit_law
 from .grid import make_starts
-from ..core.classify import RecordArray
-from ..core.escape import EscapeRate
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes_step import LANES
+from ..core.many.escape import EscapeRate
+from ..core.many.orbit_table import dilated
+from ..core.many.recognition import find_orbit
+from ..core.many.recorded import record_impacts, starts_after
+from ..core.many.settling import RecordArray
 from ..core.model import ALPHA_MAXIMUM, Parameters
 from ..core.orbits.branches import Change, follow, is_own_image, Turn
 from ..core.orbits.orbit import close_near, Orbit
 from ..core.orbits.section import shortest_recurrence
-from ..core.periodic import find_orbit
-from ..core.recorded import record_impacts, starts_after
-from ..core.table import dilated
 
 FloatArray = npt.NDArray[np.float64]
 # Trajectories are looked at every so many impacts, at the last of them, and this often at least.

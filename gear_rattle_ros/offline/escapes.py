@@ -16,7 +16,9 @@ from .search import find_attractors
 from .store import Store
 from .store_making import make_store
 from .tangency import Tangency
-from ..core.escape import (
+from ..core.flight.lanes import new_impacts, new_tiles
+from ..core.flight.lanes_step import LANES
+from ..core.many.escape import (
     CAPTURED,
     escape_rate,
     EscapeRate,
@@ -24,8 +26,6 @@ from ..core.escape import (
     STEPS,
     SURVIVED,
 )
-from ..core.flight.lanes import new_impacts, new_tiles
-from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 
 FloatArray = npt.NDArray[np.float64]

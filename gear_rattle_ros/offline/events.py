@@ -13,10 +13,10 @@ from .diagram import Diagram, KINDS
 from .endings import End, Escape, find_end, Herd, spread_out, watch
 from .grid import make_starts
 from .store import Store
+from ..core.many.recorded import record_impacts
 from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_orbit, Orbit, same_orbit
 from ..core.orbits.section import turn as turned
-from ..core.recorded import record_impacts
 
 FloatArray = npt.NDArray[np.float64]
 PERIODIC: Final = KINDS.index(Kind.PERIODIC.value)

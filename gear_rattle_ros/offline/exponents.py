@@ -16,7 +16,7 @@ from .search import Check
 from .store import Store
 from .store_making import make_store
 from ..core.flight.lanes import new_impacts, new_tiles
-from ..core.growth import grow, STEPS
+from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
 from ..core.words import counted
 

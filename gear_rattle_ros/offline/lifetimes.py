@@ -16,8 +16,8 @@ from .grid import Plane
 from .listing import listed
 from .store import Store
 from .tiles import GRIDS
-from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
-from ..core.escape import escape_rate
+from ..core.many.escape import escape_rate
+from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
 

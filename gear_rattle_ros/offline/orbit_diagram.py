@@ -30,8 +30,8 @@ from .store_making import make_store
 from .tracks import track
 from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
+from ..core.many.velocity_counts import BLOCKS
 from ..core.orbits.orbit import Orbit
-from ..core.raster import BLOCKS
 from ..core.words import counted, in_columns
 
 

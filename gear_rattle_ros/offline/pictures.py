@@ -17,7 +17,7 @@ import numpy.typing as npt
 from .catalogue import Attractor, Catalogue, Kind
 from .figures_style import phase_ticks
 from .grid import Plane
-from ..core.classify import UNRESOLVED
+from ..core.many.settling import UNRESOLVED
 from ..core.words import counted
 from ..palette import (
     BLUE,

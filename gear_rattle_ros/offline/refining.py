@@ -18,8 +18,8 @@ import numpy.typing as npt
 from .catalogue import Catalogue, follow_here, go_on, moved
 from .engine import run_tiles, threads_here
 from .search import Check, conserves_areas, orbits_among
-from ..core.chaos import GLANCE
-from ..core.classify import RecordArray, RESULT, Table, UNRESOLVED
+from ..core.many.chaotic_sets import GLANCE
+from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.orbits.orbit import Orbit
 
 # The first level is left after so many impacts: it has to be quick.

@@ -19,14 +19,14 @@ import numpy as np
 
 from .catalogue import BATCH, Catalogue, follow, go_on, HOLD, moved, TOLERANCE
 from .grid import Plane
-from ..core.chaos import chaotic_sets, ChaoticSet, Effort, THOROUGH
-from ..core.classify import RecordArray, UNRESOLVED
 from ..core.flight.lanes_step import LANES
+from ..core.many.chaotic_sets import chaotic_sets, ChaoticSet, Effort, THOROUGH
+from ..core.many.recognition import find_orbit, with_neighbourhood
+from ..core.many.recorded import record_impacts
+from ..core.many.settling import RecordArray, UNRESOLVED
 from ..core.model import Parameters
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
 from ..core.orbits.section import distances, shortest_recurrence
-from ..core.periodic import find_orbit, with_neighbourhood
-from ..core.recorded import record_impacts
 
 STARTS: Final = 1000
 SEED: Final = 1

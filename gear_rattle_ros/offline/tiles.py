@@ -17,7 +17,7 @@ from .grid import Plane
 from .layout import Axis, Layout, Variable
 from .refining import late_orbits, Level
 from .store import Store
-from ..core.classify import RESULT, UNRESOLVED
+from ..core.many.settling import RESULT, UNRESOLVED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 

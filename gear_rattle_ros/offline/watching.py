@@ -18,10 +18,10 @@ from .catalogue import Catalogue, follow_here, moved, TOLERANCE
 from .grid import make_starts, Plane
 from .refining import FIRST_CAP, Level, refine, SEED
 from .search import Check, find_attractors, orbits_among, STAYS
-from ..core.chaos import BRIEF, GLANCE
-from ..core.classify import RecordArray, RESULT, UNRESOLVED
+from ..core.many.chaotic_sets import BRIEF, GLANCE
+from ..core.many.recorded import record_impacts
+from ..core.many.settling import RecordArray, RESULT, UNRESOLVED
 from ..core.model import Parameters
-from ..core.recorded import record_impacts
 
 # Random initial conditions of the first look for attractors and of the second, and impacts for
 # which nothing may leave a chaotic attractor.

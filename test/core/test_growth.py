@@ -7,7 +7,7 @@ import pytest
 
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles, START
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.growth import grow, STEPS
+from gear_rattle_ros.core.many.growth import grow, STEPS
 from gear_rattle_ros.core.model import Parameters, State
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 import pytest
 
-from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP

@@ -12,8 +12,8 @@ import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
-from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted

@@ -7,7 +7,10 @@ from grids import basin, SETTINGS
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import (
+from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
+from gear_rattle_ros.core.flight.lanes_step import LANES
+from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.settling import (
     classify,
     FLOATING,
     RESTS_UPPER,
@@ -16,9 +19,6 @@ from gear_rattle_ros.core.classify import (
     UNRESOLVED,
     WATCH,
 )
-from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
-from gear_rattle_ros.core.flight.lanes_step import LANES
-from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline import pictures

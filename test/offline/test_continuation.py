@@ -8,12 +8,12 @@ import pytest
 
 from gear_rattle_ros.core.flight.closed_form import UPPER
 from gear_rattle_ros.core.flight.lanes_step import LANES
+from gear_rattle_ros.core.many.recognition import find_orbit
+from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
-from gear_rattle_ros.core.periodic import find_orbit
-from gear_rattle_ros.core.recorded import record_impacts
 from gear_rattle_ros.offline.continuation import main
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors

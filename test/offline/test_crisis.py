@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.escape import (
+from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
+from gear_rattle_ros.core.many.escape import (
     CAPTURED,
     escape_rate,
     last_until_captured,
     STEPS,
     UNUSED,
 )
-from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.manifolds import find_edge
 from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET

@@ -6,8 +6,8 @@ from grids import run_into
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import RESULT, UNRESOLVED
 from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.settling import RESULT, UNRESOLVED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.offline.basins import Settings
 from gear_rattle_ros.offline.catalogue import Catalogue, follow_here

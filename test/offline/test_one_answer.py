@@ -7,11 +7,11 @@ from grids import basin
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.recorded import record_impacts
+from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
-from gear_rattle_ros.core.recorded import record_impacts
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline.basins import Settings
 from gear_rattle_ros.offline.catalogue import Catalogue, Kind

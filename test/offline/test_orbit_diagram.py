@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.velocity_counts import count_velocities
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.raster import count_velocities
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline.catalogue import Kind

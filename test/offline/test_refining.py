@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.catalogue import Catalogue
 from gear_rattle_ros.offline.grid import Plane

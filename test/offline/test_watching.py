@@ -6,8 +6,8 @@ import threading
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.classify import UNRESOLVED
 from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline.grid import Plane

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from .classify import RecordArray, STEPS
-from .compiled import kernel
-from .flight.elementary import TWO_PI
-from .flight.lanes import advance, EMPTY, IMPACT, new_impacts, new_tiles, refill, release, START
-from .flight.lanes_step import LANES
-from .model import Parameters
+from .settling import RecordArray, STEPS
+from ..compiled import kernel
+from ..flight.elementary import TWO_PI
+from ..flight.lanes import advance, EMPTY, IMPACT, new_impacts, new_tiles, refill, release, START
+from ..flight.lanes_step import LANES
+from ..model import Parameters
 
 
 @kernel

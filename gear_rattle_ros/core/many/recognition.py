@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 
-from .compiled import kernel
-from .flight.closed_form import elapsed, is_pressed
-from .flight.elementary import sine_cosine
-from .model import Parameters, STICKING_SPEED, Wall
 from .neighbourhood import attracted
-from .orbits.orbit import close_near, Orbit, RecordArray
-from .orbits.section import shortest_recurrence
+from ..compiled import kernel
+from ..flight.closed_form import elapsed, is_pressed
+from ..flight.elementary import sine_cosine
+from ..model import Parameters, STICKING_SPEED, Wall
+from ..orbits.orbit import close_near, Orbit, RecordArray
+from ..orbits.section import shortest_recurrence
 
 
 @kernel

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .compiled import kernel
-from .flight.lanes import advance, is_busy, refill, release, RUNS
-from .flight.lanes_step import LANES
-from .orbits.section import distance
+from ..compiled import kernel
+from ..flight.lanes import advance, is_busy, refill, release, RUNS
+from ..flight.lanes_step import LANES
+from ..orbits.section import distance
 
 STEPS: Final = 256
 # What has become of a trajectory: captured; neither captured nor ended when its time was up; at

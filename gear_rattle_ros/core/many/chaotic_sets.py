@@ -7,15 +7,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .classify import BOXES, cell_of, RecordArray
-from .compiled import kernel
-from .flight.elementary import TWO_PI
-from .flight.simulation import Simulation
-from .model import EventArray, Parameters, State
-from .orbits.orbit import close_near, Orbit
-from .orbits.section import distance, distances, shortest_recurrence
 from .recorded import record_impacts, starts_after
-from .stream.lyapunov import LyapunovReport, RunningLyapunov
+from .settling import BOXES, cell_of, RecordArray
+from ..compiled import kernel
+from ..flight.elementary import TWO_PI
+from ..flight.simulation import Simulation
+from ..model import EventArray, Parameters, State
+from ..orbits.orbit import close_near, Orbit
+from ..orbits.section import distance, distances, shortest_recurrence
+from ..stream.lyapunov import LyapunovReport, RunningLyapunov
 
 # Trajectories that have so much of their boxes in common are on the same set.
 OVERLAP: Final = 0.5

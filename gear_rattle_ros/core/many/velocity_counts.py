@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .classify import RecordArray, STEPS
-from .compiled import kernel
-from .flight.closed_form import elapsed, rebound
-from .flight.elementary import length, logarithm
-from .flight.lanes import advance, EMPTY, new_impacts, new_tiles, refill, release
-from .flight.lanes_step import LANES
-from .flight.tangent import flight_matrix, impact_matrix
+from .settling import RecordArray, STEPS
+from ..compiled import kernel
+from ..flight.closed_form import elapsed, rebound
+from ..flight.elementary import length, logarithm
+from ..flight.lanes import advance, EMPTY, new_impacts, new_tiles, refill, release
+from ..flight.lanes_step import LANES
+from ..flight.tangent import flight_matrix, impact_matrix
 
 FloatArray = npt.NDArray[np.float64]
 # Block means of the exponent, for its error.

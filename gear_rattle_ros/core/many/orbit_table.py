@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .classify import CELLS, ENTRY, POINT, SETTINGS, Table
-from .flight.closed_form import NO_WALL
-from .flight.elementary import TWO_PI
-from .flight.lanes import EMPTY
-from .orbits.orbit import Orbit
+from .settling import CELLS, ENTRY, POINT, SETTINGS, Table
+from ..flight.closed_form import NO_WALL
+from ..flight.elementary import TWO_PI
+from ..flight.lanes import EMPTY
+from ..orbits.orbit import Orbit
 
 # Cells reach so much beyond the fastest point.
 ROOM: Final = 1.05

@@ -14,13 +14,13 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .compiled import kernel
-from .flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
-from .flight.elementary import sine_cosine, TWO_PI
-from .flight.lanes import advance, EMPTY, FLOATS, refill, release, RESTS
-from .flight.lanes_step import LANES
-from .model import STICKING_SPEED
-from .orbits.section import distance
+from ..compiled import kernel
+from ..flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
+from ..flight.elementary import sine_cosine, TWO_PI
+from ..flight.lanes import advance, EMPTY, FLOATS, refill, release, RESTS
+from ..flight.lanes_step import LANES
+from ..model import STICKING_SPEED
+from ..orbits.section import distance
 
 # Labels that are no number of an attractor of the table.
 UNRESOLVED: Final = -1

@@ -5,13 +5,13 @@ from typing import Final
 
 import numpy as np
 
-from .compiled import kernel
-from .flight.closed_form import elapsed
-from .flight.elementary import length, logarithm
-from .flight.lanes import advance, FLOATS, refill, release, RESTS
-from .flight.lanes_step import LANES
-from .flight.tangent import flight_matrix, impact_matrix
-from .raster import is_stuck
+from .velocity_counts import is_stuck
+from ..compiled import kernel
+from ..flight.closed_form import elapsed
+from ..flight.elementary import length, logarithm
+from ..flight.lanes import advance, FLOATS, refill, release, RESTS
+from ..flight.lanes_step import LANES
+from ..flight.tangent import flight_matrix, impact_matrix
 
 # Steps between two looks at the impacts.
 STEPS: Final = 48

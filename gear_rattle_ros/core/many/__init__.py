@@ -1,0 +1,1 @@
+"""Kernels over many trajectories: settling, escape, growth, chaotic sets."""
