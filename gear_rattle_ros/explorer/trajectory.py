@@ -4,8 +4,8 @@ import dataclasses
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from ..core.arrays import FloatArray
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.simulation import Simulation
 from ..core.model import EventKind, Parameters, State
@@ -17,7 +17,6 @@ LONGEST: Final = 2_000
 PERIODS: Final = 12
 STEP: Final = 0.04
 
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

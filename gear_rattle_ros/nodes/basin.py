@@ -18,6 +18,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from .scales import nice_limit
 from .shell import run_node, ShellNode, StartError
+from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
@@ -107,7 +108,7 @@ class Memory:
     traces: tuple[Trace, ...] = ()
     limit: float = 0.0
 
-    def hints(self) -> npt.NDArray[np.float64]:
+    def hints(self) -> FloatArray:
         """Return a point of every attractor that was known."""
         return np.concatenate([np.zeros((0, 3)), *(trace.points[:1] for trace in self.traces)])
 
@@ -309,7 +310,7 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
         memory)
 
 
-def points_with(points: Sequence[tuple[npt.NDArray[np.float64], bool]],
+def points_with(points: Sequence[tuple[FloatArray, bool]],
                 found: Sequence[Attractor], colours: Mapping[int, str]) -> npt.NDArray[np.void]:
     """Return the points of all attractors as a cloud has them."""
     parts = [np.zeros(0, POINT)]

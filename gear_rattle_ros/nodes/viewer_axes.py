@@ -8,6 +8,7 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ..core.arrays import FloatArray
 from ..palette import AMBER, rgba, SKY
 
 TWO_PI = 2.0 * math.pi
@@ -34,7 +35,7 @@ _PLASMA: Final = np.array([
 Logged = tuple[str, rr.AsComponents]
 
 
-def colours_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+def colours_of(values: FloatArray) -> npt.NDArray[np.uint32]:
     """Return RGBA colours of values from 0 (dark) to 1 (bright); others are clipped."""
     place = np.linspace(0.0, 1.0, len(_PLASMA))
     red, green, blue = (
@@ -42,7 +43,7 @@ def colours_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
     return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
 
 
-def greys_of(values: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+def greys_of(values: FloatArray) -> npt.NDArray[np.uint32]:
     """Return RGBA colours of values from 0 (dark grey) to 1 (white), seen over any basin."""
     level = (0x50 + (0xFF - 0x50) * np.clip(values, 0.0, 1.0)).astype(np.uint32)
     return np.asarray(level << 24 | level << 16 | level << 8 | 0xFF, np.uint32)

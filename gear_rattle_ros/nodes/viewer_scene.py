@@ -22,6 +22,7 @@ from .viewer_axes import (
 )
 from .viewer_basin import BasinPicture
 from .viewer_recent import Recent, ROW, RowArray
+from ..core.arrays import FloatArray
 from ..core.stream.counters import Place
 from ..core.stream.reconstruction import rebuild
 from ..palette import BLUE, GREEN, ORANGE, PURPLE, rgba
@@ -227,7 +228,7 @@ class Scene:
         self._columns(path, np.array([impact]), np.array([drive_time]), columns)
 
     def _columns(self, path: str, impact: npt.NDArray[np.int64],
-                 drive_time: npt.NDArray[np.float64],
+                 drive_time: FloatArray,
                  columns: Sequence[rr.ComponentColumn] | rr.ComponentColumnList) -> None:
         self.rows += len(impact)
         self._recording.send_columns(path, [

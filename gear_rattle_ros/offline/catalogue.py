@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
+from ..core.arrays import FloatArray
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
 from ..core.flight.lanes_step import LANES
@@ -137,7 +138,7 @@ class Attractor:
             return self.orbit.exact_sum
         return self.chaos.exponents.exact_sum if self.chaos else math.nan
 
-    def points(self, box_limit: int | None = None) -> npt.NDArray[np.float64]:
+    def points(self, box_limit: int | None = None) -> FloatArray:
         """
         List where it hits the walls.
 

@@ -4,17 +4,15 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from .catalogue import Attractor, Catalogue, Kind
 from .search import find_attractors
+from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import SWEEP
 from ..core.many.settling import RecordArray
 from ..core.many.velocity_counts import BLOCKS, count_velocities
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

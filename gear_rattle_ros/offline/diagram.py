@@ -11,10 +11,10 @@ from .catalogue import Kind
 from .columns import Branch, Window
 from .grid import Plane
 from .layout import Axis, Layout, Variable
+from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
-FloatArray = npt.NDArray[np.float64]
 # Attractors kept apart at one alpha; what is beyond is counted with the last of them.
 SLOTS: Final = 6
 # Columns of a tile.

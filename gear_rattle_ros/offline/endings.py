@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from .escape_rates import fit_law
 from .grid import make_starts
+from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes_step import LANES
@@ -23,7 +24,6 @@ from ..core.orbits.branches import Change, follow, is_own_image, Turn
 from ..core.orbits.orbit import close_near, Orbit
 from ..core.orbits.section import shortest_recurrence
 
-FloatArray = npt.NDArray[np.float64]
 # Trajectories are looked at every so many impacts, at the last of them, and this often at least.
 ROUND: Final = 2048
 KEPT: Final = 256

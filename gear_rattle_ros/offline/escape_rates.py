@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from ..core.arrays import FloatArray
 
 ITERATIONS: Final = 500
 CONVERGED: Final = 1e-12

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from .cli import Run
 from .engine import run_tiles
@@ -16,6 +15,7 @@ from .search import find_attractors
 from .store import Store
 from .store_making import make_store
 from .tangency import Tangency
+from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.flight.lanes_step import LANES
 from ..core.many.escape import (
@@ -28,7 +28,6 @@ from ..core.many.escape import (
 )
 from ..core.model import Parameters
 
-FloatArray = npt.NDArray[np.float64]
 # A trajectory that has settled on another stable orbit will never escape: it says nothing.
 ELSEWHERE: Final = 2
 # Impacts for which a survivor is looked at.

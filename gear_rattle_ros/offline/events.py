@@ -18,7 +18,6 @@ from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_orbit, Orbit, same_orbit
 from ..core.orbits.section import turn as turned
 
-FloatArray = npt.NDArray[np.float64]
 PERIODIC: Final = KINDS.index(Kind.PERIODIC.value)
 CHAOTIC: Final = KINDS.index(Kind.CHAOTIC.value)
 # Doublings followed of each orbit, and the longest period [impacts].

@@ -4,7 +4,6 @@ import argparse
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from . import cli, options
 from .attractors import identity_of
@@ -15,6 +14,7 @@ from .layout import Axis, Layout, Variable
 from .search import Check
 from .store import Store
 from .store_making import make_store
+from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
@@ -27,7 +27,7 @@ EDGE: Final = 100
 
 
 def finite_time_exponents(starts: StartArray, count: int, threads: int | None = None,
-                          check: Check = go_on) -> npt.NDArray[np.float64]:
+                          check: Check = go_on) -> FloatArray:
     """
     Find the largest finite-time exponents of starts.
 

@@ -12,16 +12,9 @@ import numpy.typing as npt
 
 from .catalogue import Kind
 from .diagram import KINDS
-from .figures_style import (
-    add_axes,
-    equalise,
-    FloatArray,
-    new_figure,
-    shade,
-    VELOCITY_LABEL,
-    widened,
-)
+from .figures_style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widened
 from .store import Store
+from ..core.arrays import FloatArray
 from ..core.words import counted
 from ..palette import GREY, hue
 

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-FloatArray = npt.NDArray[np.float64]
+from ..core.arrays import FloatArray
+
 DPI: Final = 100
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.

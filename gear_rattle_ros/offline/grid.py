@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from ..core.arrays import FloatArray
 from ..core.flight.lanes import START
 from ..core.model import Parameters, require_finite, VELOCITY_MAXIMUM
 
@@ -15,7 +16,6 @@ TWO_PI: Final = 2.0 * math.pi
 EDGE_MAXIMUM: Final = 1_000_000
 
 StartArray = npt.NDArray[np.void]
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,6 +16,7 @@ from .grid import Plane
 from .listing import listed
 from .store import Store
 from .tiles import GRIDS
+from ..core.arrays import FloatArray
 from ..core.many.escape import escape_rate
 from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
@@ -178,7 +179,7 @@ def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged 
 
 
 def distribution(counts: IntArray, censored: int
-                 ) -> tuple[npt.NDArray[np.float64], IntArray, npt.NDArray[np.float64]]:
+                 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """
     Count escapes in bins that are even in the logarithm.
 
@@ -294,7 +295,7 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
         trajectory, (followed['label'] == UNRESOLVED)[trajectory])
 
 
-def _mean_and_spread(values: npt.NDArray[np.float64], counts: IntArray) -> tuple[float, float]:
+def _mean_and_spread(values: FloatArray, counts: IntArray) -> tuple[float, float]:
     some = counts > 0
     mean = float(np.average(values[some], weights=counts[some]))
     if math.isinf(mean):

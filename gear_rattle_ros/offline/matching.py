@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from .catalogue import Catalogue, Kind
+from ..core.arrays import FloatArray
 from ..core.orbits.section import turn
 
 # Attractors whose points lie further apart than this are not the same one, moved [1].
@@ -18,7 +18,6 @@ ALIKE: Final = 0.05
 # Points of a chaotic attractor that are compared.
 MOST: Final = 400
 
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from .catalogue import Attractor, Catalogue, Kind
 from .figures_style import phase_ticks
 from .grid import Plane
+from ..core.arrays import FloatArray
 from ..core.many.settling import UNRESOLVED
 from ..core.words import counted
 from ..palette import (
@@ -68,7 +69,7 @@ def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bo
     return figure
 
 
-def draw_exponents(exponents: npt.NDArray[np.float64], plane: Plane, title: str) -> Figure:
+def draw_exponents(exponents: FloatArray, plane: Plane, title: str) -> Figure:
     """Draw how fast neighbours part (red) or meet (blue); what is not finite is dark."""
     figure, axes = _new(title)
     finite = np.abs(exponents[np.isfinite(exponents)])
@@ -104,7 +105,7 @@ def draw_section(catalogue: Catalogue) -> Figure:
     return figure
 
 
-def draw_survival(times: npt.NDArray[np.float64], survival: npt.NDArray[np.float64],
+def draw_survival(times: FloatArray, survival: FloatArray,
                   begin: float, rate: float, title: str) -> Figure:
     """Draw how many starts are still in their transient."""
     figure, axes = _new(title)

@@ -14,9 +14,9 @@ from .options import add_model, add_plane, add_seed, model_of, number, Parser, p
 from .search import find_attractors
 from .store import Store
 from .store_making import make_store
+from ..core.arrays import FloatArray
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
-from ..core.orbits.orbit import FloatArray
 
 # Trajectories followed at once.
 BATCH: Final = 64

@@ -13,12 +13,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 import numpy as np
-import numpy.typing as npt
 
 from .digest import Digest, digest_of, in_words, RowArray
 from .figures_style import phase_ticks, thousands, VELOCITY_LABEL
 from .plain import attempt, Parser
 from ..bags import Bag, BagError
+from ..core.arrays import FloatArray
 from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State
 from ..core.stream.reconstruction import rebuild
@@ -224,12 +224,12 @@ def main(arguments: list[str] | None = None) -> int:
     return attempt('summary', run)
 
 
-def _spread(values: npt.NDArray[np.float64]) -> tuple[float, float]:
+def _spread(values: FloatArray) -> tuple[float, float]:
     low, high = float(values.min()), float(values.max())
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 
-def _colours(points: RowArray, norm: Normalize) -> npt.NDArray[np.float64]:
+def _colours(points: RowArray, norm: Normalize) -> FloatArray:
     return np.asarray(colormaps[MAP](MAP_END * norm(points['alpha'])), np.float64)
 
 
@@ -241,7 +241,7 @@ def _size(count: int) -> float:
     return min(12.0, max(1.2, 40_000.0 / max(count, 1)))
 
 
-def _broken(rows: RowArray, name: str) -> npt.NDArray[np.float64]:
+def _broken(rows: RowArray, name: str) -> FloatArray:
     # A gap where a new average begins, and where a value is infinite.
     values = rows[name].astype(np.float64)
     values[~np.isfinite(values)] = math.nan

@@ -5,7 +5,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .matching import FloatArray, follow, Trace
+from .matching import follow, Trace
+from ..core.arrays import FloatArray
 
 # An attractor may be missed over so many columns: few initial conditions may reach it, and windows
 # interrupt chaos.

@@ -18,6 +18,7 @@ from .catalogue import Catalogue, follow_here, moved, TOLERANCE
 from .grid import make_starts, Plane
 from .refining import FIRST_CAP, Level, refine, SEED
 from .search import Check, find_attractors, orbits_among, STAYS
+from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF, GLANCE
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import RecordArray, RESULT, UNRESOLVED
@@ -84,7 +85,7 @@ def sizes_up_to(largest: int) -> tuple[int, ...]:
     return (*sizes, largest)
 
 
-def glance(parameters: Parameters, hints: npt.NDArray[np.float64]) -> tuple[Catalogue, float]:
+def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]:
     """
     Find the periodic attractors that are seen at once.
 

@@ -15,7 +15,8 @@ import tempfile
 import atheris
 
 with atheris.instrument_imports(include=[
-        'gear_rattle_ros.bags', 'gear_rattle_ros.core.stream.event_points', 'gear_rattle_ros.offline.documents',
+        'gear_rattle_ros.bags', 'gear_rattle_ros.core.stream.event_points',
+        'gear_rattle_ros.offline.documents',
         'gear_rattle_ros.offline.checksums', 'gear_rattle_ros.plain_yaml', 'mcap',
         'yaml']):
     import readers

@@ -6,8 +6,9 @@ from typing import Final
 import numpy as np
 
 from .recorded import record_impacts, starts_after
+from ..arrays import FloatArray
 from ..flight.elementary import TWO_PI
-from ..orbits.orbit import fire, FloatArray, Orbit
+from ..orbits.orbit import fire, Orbit
 from ..orbits.section import turn
 
 # It is tried by starts on so many rays and shells, at most at so many points of an orbit, and

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .settling import RecordArray, STEPS
+from ..arrays import FloatArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, rebound
 from ..flight.elementary import length, logarithm
@@ -15,7 +16,6 @@ from ..flight.lanes import advance, EMPTY, new_impacts, new_tiles, refill, relea
 from ..flight.lanes_step import LANES
 from ..flight.tangent import flight_matrix, impact_matrix
 
-FloatArray = npt.NDArray[np.float64]
 # Block means of the exponent, for its error.
 BLOCKS: Final = 16
 # The tangent vector turns to the direction of growth over so many impacts before it is measured.

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .orbit import CLOSED, fire, FloatArray, Orbit, orbit_at, same_orbit, Shot, solve_ring
+from .orbit import CLOSED, fire, Orbit, orbit_at, same_orbit, Shot, solve_ring
 from .section import turn as turned
+from ..arrays import FloatArray
 from ..flight.elementary import TWO_PI
 from ..model import ALPHA_MAXIMUM, Parameters
 

@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .impact_map import next_impact
-from .orbit import fire, FloatArray, Orbit
+from .orbit import fire, Orbit
 from .section import distances
+from ..arrays import FloatArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import exp_minus, logarithm, TWO_PI

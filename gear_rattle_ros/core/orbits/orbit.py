@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from .impact_map import shoot
 from .section import distances
+from ..arrays import FloatArray
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import TWO_PI
 from ..model import Parameters
@@ -27,7 +28,6 @@ NEAR: Final = 0.05
 # A multiplier this near to the unit circle is not told from it.
 NEUTRAL: Final = 1e-9
 
-FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
 
 

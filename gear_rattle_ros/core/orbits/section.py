@@ -5,6 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import FloatArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
 
@@ -22,14 +23,14 @@ def distance(velocity_a, phase_a, velocity_b, phase_b):  # type: ignore[no-untyp
     return max(min(turned, TWO_PI - turned), abs(velocity_a - velocity_b))
 
 
-def turn(angle: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def turn(angle: npt.ArrayLike) -> FloatArray:
     """Bring differences of phase to [-pi, pi] [rad]."""
     angle = np.asarray(angle, np.float64)
     return angle - TWO_PI * np.round(angle / TWO_PI)
 
 
 def distances(velocity_a: npt.ArrayLike, phase_a: npt.ArrayLike, velocity_b: npt.ArrayLike,
-              phase_b: npt.ArrayLike) -> npt.NDArray[np.float64]:
+              phase_b: npt.ArrayLike) -> FloatArray:
     """Compare arrays of impacts; see `distance`."""
     velocity_a, velocity_b = np.asarray(velocity_a), np.asarray(velocity_b)
     apart = np.maximum(np.abs(turn(np.subtract(phase_a, phase_b))),

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .guard import Piece
+from ..arrays import FloatArray
 from ..flight.elementary import TWO_PI
 from ..model import EventArray
 
@@ -89,7 +90,7 @@ def impact_numbers(events: EventArray, place: Place) -> npt.NDArray[np.int64]:
         place.impact - (place.event['index'] - events['index']).astype(np.int64), np.int64)
 
 
-def drive_times(events: EventArray, place: Place) -> npt.NDArray[np.float64]:
+def drive_times(events: EventArray, place: Place) -> FloatArray:
     """
     Give events their drive time.
 

@@ -5,15 +5,15 @@ import math
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import FloatArray
 from ..compiled import kernel
 from ..flight.closed_form import displace, elapsed, is_pressed
 from ..flight.elementary import sine_cosine, TWO_PI
 from ..model import EventArray, EventKind
 
 RELEASE = int(EventKind.RELEASE)
-Column: TypeAlias = npt.NDArray[np.float64]
+Column: TypeAlias = FloatArray
 
 
 @dataclasses.dataclass(frozen=True)

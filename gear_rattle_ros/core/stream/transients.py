@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from .guard import StreamGuard
 from .lyapunov import RunningLyapunov
+from ..arrays import FloatArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
 from ..flight.elementary import sine_cosine, TWO_PI
@@ -646,7 +647,7 @@ class TransientDetector:
         return self._history[np.arange(n - count, n) % HISTORY]
 
 
-def _distances(a: SectionArray, b: SectionArray) -> npt.NDArray[np.float64]:
+def _distances(a: SectionArray, b: SectionArray) -> FloatArray:
     return distances(a['velocity'], a['phase'], b['velocity'], b['phase'])
 
 
