@@ -25,8 +25,8 @@ import numpy as np
 from peers.comparison import compare, Comparison, decide, PARAMETERS, python_of
 from peers.picture import draw
 
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.offline.store import open_dataset
 
 PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')

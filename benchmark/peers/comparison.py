@@ -10,10 +10,10 @@ import time
 
 import numpy as np
 
+from gear_rattle_ros.attractors.catalogue import Catalogue
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.catalogue import Catalogue
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 
 from .arbiter import label_of
 

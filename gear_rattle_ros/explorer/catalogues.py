@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from .view import HOLD, LIFETIMES, STARTS, View
+from ..attractors.catalogue import Catalogue
+from ..attractors.finding import find_attractors
+from ..attractors.plane import Plane
 from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
-from ..offline.catalogue import Catalogue
-from ..offline.grid import Plane
-from ..offline.search import find_attractors
 
 # The quick search: starts, and impacts for which they are followed.
 QUICK_STARTS: Final = 200

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from .catalogues import Catalogues, Known
 from .view import CAP, COARSEST, EXPONENTS, following, SPAN, View
-from ..offline.catalogue import Catalogue
+from ..attractors.catalogue import Catalogue
+from ..attractors.refining import FIRST_CAP, Level, refine
 from ..offline.exponents import finite_time_exponents
-from ..offline.refining import FIRST_CAP, Level, refine
 
 # A level is shown anew so often while it is computed [s].
 SHOWN_EVERY: Final = 0.4

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from .catalogues import Known
 from .computing import Picture
 from .view import CAP, LIFETIMES, SPAN
+from ..attractors.finding import CONSERVES, conserves_areas
+from ..attractors.matching import follow, points_of, Trace
 from ..core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..offline.matching import follow, points_of, Trace
-from ..offline.search import CONSERVES, conserves_areas
 from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb, UNSETTLED
 
 NAMES: Final = {

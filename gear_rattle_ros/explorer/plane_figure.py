@@ -21,7 +21,7 @@ from .axes import phase_formatter, phase_ticker, plain_formatter, plain_ticker, 
 from .computing import Picture
 from .painting import Colours, paint
 from .view import NARROWEST, PHASE_BOUND, VELOCITY_BOUND, View
-from ..offline.grid import TWO_PI
+from ..attractors.plane import TWO_PI
 
 WIDTH = 618
 HEIGHT = 590

@@ -8,7 +8,7 @@ import numpy as np
 
 from .axes import phase_formatter, phase_ticker
 from .trajectory import IMPACTS, PERIODS, Trajectory
-from ..offline.grid import TWO_PI
+from ..attractors.plane import TWO_PI
 from ..palette import BLUE, GREY
 
 WIDTH = 636

@@ -4,8 +4,8 @@ import dataclasses
 import math
 from typing import Final
 
+from ..attractors.plane import Plane, TWO_PI
 from ..core.model import Parameters
-from ..offline.grid import Plane, TWO_PI
 
 BASINS: Final = 'basins'
 LIFETIMES: Final = 'lifetimes'

@@ -18,6 +18,11 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from .scales import nice_limit
 from .shell import run_node, ShellNode, StartError
+from ..attractors.catalogue import Attractor, OTHERS
+from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
+from ..attractors.matching import follow, points_of, Trace
+from ..attractors.plane import Plane
+from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNRESOLVED
@@ -31,11 +36,6 @@ from ..messages import (
     nanoseconds_from_stamp,
     stamp_from_nanoseconds,
 )
-from ..offline.catalogue import Attractor, OTHERS
-from ..offline.grid import Plane
-from ..offline.matching import follow, points_of, Trace
-from ..offline.search import CONSERVES, conserves_areas, find_attractors
-from ..offline.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..palette import colours_of, painted
 from ..parameters import BASIN
 from ..qos import LATCHED, NEWEST

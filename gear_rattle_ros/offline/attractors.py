@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from . import cli, options
-from .catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
-from .grid import Plane
 from .layout import Layout
 from .listing import listed
-from .search import find_attractors, STARTS
 from .store import Store
 from .store_making import make_store
+from ..attractors.catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
+from ..attractors.finding import find_attractors, STARTS
+from ..attractors.plane import Plane
 from ..core.model import Parameters
 
 NAME: Final = 'attractors'

@@ -9,13 +9,13 @@ import numpy as np
 
 from . import cli, options
 from .attractors import identity_of, require_tolerance, write_attractors
-from .catalogue import Catalogue, HOLD, TOLERANCE
-from .grid import Plane
 from .listing import listed
-from .search import find_attractors, STARTS
 from .store import Store
 from .store_making import make_store
 from .tiles import compute_grid, grid_layout
+from ..attractors.catalogue import Catalogue, HOLD, TOLERANCE
+from ..attractors.finding import find_attractors, STARTS
+from ..attractors.plane import Plane
 from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted

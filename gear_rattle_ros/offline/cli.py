@@ -13,11 +13,11 @@ import shlex
 import sys
 from typing import Final, Protocol
 
-from .engine import EngineError
 from .options import whole
 from .plain import attempt, INTERRUPTED
 from .progress import Progress, telling_of_compilation
 from .store import Store, StoreError
+from ..attractors.engine import EngineError
 from ..core.words import counted
 
 PACKAGE: Final = 'gear_rattle_ros'

@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 
 from .cli import Figure, Run, run_tool
-from .columns import Window
 from .diagram import Diagram
 from .events import Event, events_of, HEADING, searches_of
 from .options import (
@@ -23,6 +22,7 @@ from .options import (
 from .orbit_diagram import compute
 from .progress import Progress
 from .store import Store
+from ..attractors.columns import Window
 from ..core.many.velocity_counts import BLOCKS
 
 # Of the velocities by which attractors are matched from alpha to alpha.

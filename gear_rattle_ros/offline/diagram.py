@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Kind
-from .columns import Branch, Window
-from .grid import Plane
 from .layout import Axis, Layout, Variable
+from ..attractors.catalogue import Kind
+from ..attractors.columns import Branch, Window
+from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .escape_rates import fit_law
-from .grid import make_starts
+from ..attractors.plane import make_starts
 from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI

@@ -8,13 +8,13 @@ from typing import Any, Final
 import numpy as np
 
 from .cli import Run
-from .engine import run_tiles
-from .grid import make_starts, Plane
 from .layout import Axis, Layout, Variable
-from .search import find_attractors
 from .store import Store
 from .store_making import make_store
 from .tangency import Tangency
+from ..attractors.engine import run_tiles
+from ..attractors.finding import find_attractors
+from ..attractors.plane import make_starts, Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.flight.lanes_step import LANES

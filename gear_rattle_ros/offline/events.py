@@ -8,11 +8,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Kind
 from .diagram import Diagram, KINDS
 from .endings import End, Escape, find_end, Herd, spread_out, watch
-from .grid import make_starts
 from .store import Store
+from ..attractors.catalogue import Kind
+from ..attractors.plane import make_starts
 from ..core.many.recorded import record_impacts
 from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_orbit, Orbit, same_orbit

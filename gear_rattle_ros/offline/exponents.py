@@ -7,13 +7,13 @@ import numpy as np
 
 from . import cli, options
 from .attractors import identity_of
-from .catalogue import BATCH, go_on
-from .engine import run_tiles
-from .grid import Plane, StartArray
 from .layout import Axis, Layout, Variable
-from .search import Check
 from .store import Store
 from .store_making import make_store
+from ..attractors.catalogue import BATCH, go_on
+from ..attractors.engine import run_tiles
+from ..attractors.finding import Check
+from ..attractors.plane import Plane, StartArray
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.many.growth import grow, STEPS

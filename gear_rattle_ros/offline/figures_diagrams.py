@@ -10,10 +10,10 @@ from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Kind
 from .diagram import KINDS
 from .figures_style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widened
 from .store import Store
+from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
 from ..palette import GREY, hue

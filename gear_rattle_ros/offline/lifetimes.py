@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from . import cli, options
 from .basins import add_settings, compute_basins, Settings, settings_of
-from .catalogue import Catalogue, follow_here
-from .grid import Plane
 from .listing import listed
 from .store import Store
 from .tiles import GRIDS
+from ..attractors.catalogue import Catalogue, follow_here
+from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.many.escape import escape_rate
 from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from .catalogue import Attractor, Catalogue, Kind, OTHERS
-from .search import CONSERVES, conserves_areas
+from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS
+from ..attractors.finding import CONSERVES, conserves_areas
 from ..core.words import counted, in_columns
 
 

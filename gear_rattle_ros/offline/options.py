@@ -7,7 +7,7 @@ import math
 from typing import Final
 
 from . import plain
-from .grid import Plane
+from ..attractors.plane import Plane
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 
 GREATEST: Final = 2**31 - 1

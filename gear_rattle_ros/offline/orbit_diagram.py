@@ -10,11 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Kind
 from .cli import Figure, Run, run_tool
-from .columns import Branch, find_branches, Window
 from .diagram import describe, Diagram, KINDS, layout_of, STATE, SWEEPS
-from .engine import run_tiles
 from .options import (
     add_alpha_window,
     add_plane,
@@ -27,7 +24,10 @@ from .options import (
 )
 from .store import Store
 from .store_making import make_store
-from .tracks import track
+from ..attractors.catalogue import Kind
+from ..attractors.columns import Branch, find_branches, Window
+from ..attractors.engine import run_tiles
+from ..attractors.tracks import track
 from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
 from ..core.many.velocity_counts import BLOCKS

@@ -14,9 +14,9 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Attractor, Catalogue, Kind
 from .figures_style import phase_ticks
-from .grid import Plane
+from ..attractors.catalogue import Attractor, Catalogue, Kind
+from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.many.settling import UNRESOLVED
 from ..core.words import counted

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from .grid import Plane
-from .search import find_attractors
+from ..attractors.finding import find_attractors
+from ..attractors.plane import Plane
 from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow
 from ..core.orbits.manifolds import (

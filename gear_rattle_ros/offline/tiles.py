@@ -10,13 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from .catalogue import Catalogue
 from .cli import Run
-from .engine import run_tiles
-from .grid import Plane
 from .layout import Axis, Layout, Variable
-from .refining import late_orbits, Level
 from .store import Store
+from ..attractors.catalogue import Catalogue
+from ..attractors.engine import run_tiles
+from ..attractors.plane import Plane
+from ..attractors.refining import late_orbits, Level
 from ..core.many.settling import RESULT, UNRESOLVED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventKind, Parameters, State, Wall
 from gear_rattle_ros.core.orbits.orbit import close_orbit, orbit_at
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 
 FAR = 10**8
 UPPER = np.array([Wall.UPPER])

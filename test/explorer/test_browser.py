@@ -15,12 +15,12 @@ import numpy as np
 from PIL import Image
 import pytest
 
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.palette import HUES
 

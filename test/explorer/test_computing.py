@@ -6,6 +6,8 @@ import threading
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.finding import CONSERVES, find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
@@ -16,8 +18,6 @@ from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP, EXPONENTS, KINDS, SPAN, View
 from gear_rattle_ros.explorer.worker import Worker
 from gear_rattle_ros.offline.exponents import finite_time_exponents
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import CONSERVES, find_attractors
 
 
 def until(view: View, cells: int) -> Picture:

@@ -12,14 +12,14 @@ import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
+from gear_rattle_ros.attractors.finding import CONSERVES
+from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.watching import glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import CONSERVES
-from gear_rattle_ros.offline.watching import glance, watch
 from gear_rattle_ros.palette import ENDS
 from gear_rattle_ros.qos import LATCHED, STREAM
 

@@ -15,6 +15,9 @@ import numpy as np
 from PIL import Image
 import pytest
 
+from gear_rattle_ros.attractors.matching import follow, points_of
+from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.watching import Basins, glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
@@ -23,9 +26,6 @@ from gear_rattle_ros.nodes.viewer_basin import BasinInput
 from gear_rattle_ros.nodes.viewer_recent import Recent
 from gear_rattle_ros.nodes.viewer_scene import Scene
 from gear_rattle_ros.nodes.viewer_sinks import file_recording
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.matching import follow, points_of
-from gear_rattle_ros.offline.watching import Basins, glance, watch
 from gear_rattle_ros.palette import AMBER, BLUE, ORANGE, PURPLE, rgb, SKY
 
 pytestmark = pytest.mark.long

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.basins import compute_basins, Settings
 from gear_rattle_ros.offline.cli import Run
-from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.store import Store
 
 SETTINGS = Settings(starts=150, hold=3000)

@@ -6,13 +6,13 @@ import re
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Kind
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.offline.attractors import main
-from gear_rattle_ros.offline.catalogue import Kind
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 

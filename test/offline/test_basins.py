@@ -7,6 +7,9 @@ from grids import basin, SETTINGS
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Kind
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.flight.simulation import Simulation
@@ -23,9 +26,6 @@ from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline import pictures
 from gear_rattle_ros.offline.basins import magnifications
-from gear_rattle_ros.offline.catalogue import Kind
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.store_making import make_store
 from gear_rattle_ros.palette import hue, rgb

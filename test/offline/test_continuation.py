@@ -6,6 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.closed_form import UPPER
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.many.recognition import find_orbit
@@ -15,8 +17,6 @@ from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
 from gear_rattle_ros.offline.continuation import main
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 B, G, R = 0.1, 0.1, 0.9

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.many.escape import (
     CAPTURED,
@@ -17,7 +18,6 @@ from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.manifolds import find_edge
 from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET
 from gear_rattle_ros.offline.escape_rates import fit_exponent, fit_law
-from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.tangency import find_boundary, radius_of
 

@@ -10,10 +10,11 @@ from grids import basin, files_of, SETTINGS
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors import engine
+from gear_rattle_ros.attractors.engine import EngineError, run_tiles
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline import attractors, engine, tiles as tiles_module
-from gear_rattle_ros.offline.engine import EngineError, run_tiles
-from gear_rattle_ros.offline.grid import Plane
+from gear_rattle_ros.offline import attractors, tiles as tiles_module
 from gear_rattle_ros.offline.store import open_dataset
 
 

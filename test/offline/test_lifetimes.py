@@ -6,12 +6,13 @@ from grids import run_into
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Catalogue, follow_here
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import RESULT, UNRESOLVED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.offline.basins import Settings
-from gear_rattle_ros.offline.catalogue import Catalogue, follow_here
-from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.lifetimes import (
     compute_lifetimes,
     distribution,
@@ -19,7 +20,6 @@ from gear_rattle_ros.offline.lifetimes import (
     Merged,
     tally,
 )
-from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
 
 SETTINGS = Settings(cap=1500, starts=64, hold=4000, chaotic=False)

@@ -7,6 +7,10 @@ from grids import basin
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Catalogue, Kind
+from gear_rattle_ros.attractors.columns import find_branches, Window
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.many.settling import UNRESOLVED
@@ -14,10 +18,6 @@ from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline.basins import Settings
-from gear_rattle_ros.offline.catalogue import Catalogue, Kind
-from gear_rattle_ros.offline.columns import find_branches, Window
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.search import find_attractors
 
 # (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
 PAPERS = [(alpha, 0.1, 0.1, 0.9) for alpha in (

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Kind
+from gear_rattle_ros.attractors.columns import find_branches, Window
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.velocity_counts import count_velocities
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.offline.catalogue import Kind
-from gear_rattle_ros.offline.columns import find_branches, Window
-from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.orbit_diagram import main
 from gear_rattle_ros.offline.store import open_dataset, Store
 

@@ -7,12 +7,12 @@ import time
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Catalogue
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.refining import late_orbits, Level, refine
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.catalogue import Catalogue
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.refining import late_orbits, Level, refine
-from gear_rattle_ros.offline.search import find_attractors
 
 EDGE, CAP = 40, 3000
 PLANE = Plane(-0.25, phases=EDGE, velocities=EDGE)

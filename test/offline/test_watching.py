@@ -6,12 +6,12 @@ import threading
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.offline.grid import Plane
-from gear_rattle_ros.offline.watching import Basins, Dropped, glance, sizes_up_to, watch
 
 TWO_ATTRACTORS = Parameters(0.48)
 NO_HINTS = np.zeros((0, 3))

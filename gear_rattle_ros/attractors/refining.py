@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from .catalogue import Catalogue, follow_here, go_on, moved
 from .engine import run_tiles, threads_here
-from .search import Check, conserves_areas, orbits_among
+from .finding import Check, conserves_areas, orbits_among
 from ..core.many.chaotic_sets import GLANCE
 from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.orbits.orbit import Orbit

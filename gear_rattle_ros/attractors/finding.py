@@ -18,7 +18,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from .catalogue import BATCH, Catalogue, follow, go_on, HOLD, moved, TOLERANCE
-from .grid import Plane
+from .plane import Plane
 from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import chaotic_sets, ChaoticSet, Effort, THOROUGH
 from ..core.many.recognition import find_orbit, with_neighbourhood

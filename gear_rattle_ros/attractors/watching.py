@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .catalogue import Catalogue, follow_here, moved, TOLERANCE
-from .grid import make_starts, Plane
+from .finding import Check, find_attractors, orbits_among, STAYS
+from .plane import make_starts, Plane
 from .refining import FIRST_CAP, Level, refine, SEED
-from .search import Check, find_attractors, orbits_among, STAYS
 from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF, GLANCE
 from ..core.many.recorded import record_impacts

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from .catalogue import Attractor, Catalogue, Kind
-from .search import find_attractors
+from .finding import find_attractors
 from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import SWEEP
 from ..core.many.settling import RecordArray

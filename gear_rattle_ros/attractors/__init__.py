@@ -1,0 +1,1 @@
+"""The one answer to which attractors there are, at one value or along many."""
