@@ -27,7 +27,7 @@ from peers.picture import draw
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.offline.store import open_dataset
+from gear_rattle_ros.store.store import open_dataset
 
 PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')
 # Options of a tool, target [s].

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from . import cli, options
-from .layout import Layout
 from .listing import listed
-from .store import Store
-from .store_making import make_store
 from ..attractors.catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
 from ..attractors.finding import find_attractors, STARTS
 from ..attractors.plane import Plane
 from ..core.model import Parameters
+from ..store.layout import Layout
+from ..store.making import make_store
+from ..store.store import Store
 
 NAME: Final = 'attractors'
 TITLE: Final = 'Attractors of the gear-rattling model'

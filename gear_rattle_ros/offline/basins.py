@@ -10,8 +10,6 @@ import numpy as np
 from . import cli, options
 from .attractors import identity_of, require_tolerance, write_attractors
 from .listing import listed
-from .store import Store
-from .store_making import make_store
 from .tiles import compute_grid, grid_layout
 from ..attractors.catalogue import Catalogue, HOLD, TOLERANCE
 from ..attractors.finding import find_attractors, STARTS
@@ -19,6 +17,8 @@ from ..attractors.plane import Plane
 from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
+from ..store.making import make_store
+from ..store.store import Store
 
 NAME: Final = 'basins'
 CAP: Final = 20_000

@@ -16,9 +16,9 @@ from typing import Final, Protocol
 from .options import whole
 from .plain import attempt, INTERRUPTED
 from .progress import Progress, telling_of_compilation
-from .store import Store, StoreError
 from ..attractors.engine import EngineError
 from ..core.words import counted
+from ..store.store import Store, StoreError
 
 PACKAGE: Final = 'gear_rattle_ros'
 # Endings of pictures.

@@ -21,9 +21,9 @@ from .options import (
 )
 from .orbit_diagram import compute
 from .progress import Progress
-from .store import Store
 from ..attractors.columns import Window
 from ..core.many.velocity_counts import BLOCKS
+from ..store.store import Store
 
 # Of the velocities by which attractors are matched from alpha to alpha.
 BINS: Final = 1200

@@ -29,7 +29,6 @@ from .options import (
     whole,
 )
 from .progress import Progress
-from .store import Store
 from .tangency import (
     Boundary,
     find_boundary,
@@ -40,6 +39,7 @@ from .tangency import (
 )
 from ..core.model import Parameters
 from ..core.words import counted, in_columns
+from ..store.store import Store
 
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058

@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from .layout import Axis, Layout, Variable
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, Window
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
+from ..store.layout import Axis, Layout, Variable
 
 # Attractors kept apart at one alpha; what is beyond is counted with the last of them.
 SLOTS: Final = 6

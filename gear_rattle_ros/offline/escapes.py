@@ -8,9 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from .cli import Run
-from .layout import Axis, Layout, Variable
-from .store import Store
-from .store_making import make_store
 from .tangency import Tangency
 from ..attractors.engine import run_tiles
 from ..attractors.finding import find_attractors
@@ -27,6 +24,9 @@ from ..core.many.escape import (
     SURVIVED,
 )
 from ..core.model import Parameters
+from ..store.layout import Axis, Layout, Variable
+from ..store.making import make_store
+from ..store.store import Store
 
 # A trajectory that has settled on another stable orbit will never escape: it says nothing.
 ELSEWHERE: Final = 2

@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from .diagram import Diagram, KINDS
 from .endings import End, Escape, find_end, Herd, spread_out, watch
-from .store import Store
 from ..attractors.catalogue import Kind
 from ..attractors.plane import make_starts
 from ..core.many.recorded import record_impacts
 from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_orbit, Orbit, same_orbit
 from ..core.orbits.section import turn as turned
+from ..store.store import Store
 
 PERIODIC: Final = KINDS.index(Kind.PERIODIC.value)
 CHAOTIC: Final = KINDS.index(Kind.CHAOTIC.value)

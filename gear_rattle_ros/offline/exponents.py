@@ -7,9 +7,6 @@ import numpy as np
 
 from . import cli, options
 from .attractors import identity_of
-from .layout import Axis, Layout, Variable
-from .store import Store
-from .store_making import make_store
 from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
@@ -19,6 +16,9 @@ from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
 from ..core.words import counted
+from ..store.layout import Axis, Layout, Variable
+from ..store.making import make_store
+from ..store.store import Store
 
 NAME: Final = 'exponents'
 IMPACTS: Final = 50

@@ -21,9 +21,9 @@ from typing import Final
 
 from .cli import PACKAGE
 from .plain import attempt, INTERRUPTED, Parser
-from .store_making import versions
 from ..places import config_folder
 from ..plain_yaml import read_yaml
+from ..store.making import versions
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
 AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',

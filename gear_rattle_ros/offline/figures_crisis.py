@@ -6,8 +6,8 @@ import numpy as np
 
 from .crisis import PAPER
 from .figures_style import add_axes, new_figure, thousands
-from .store import Store
 from ..palette import GREY, hue
+from ..store.store import Store
 
 WIDTH, HEIGHT = 900, 640
 

@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from .diagram import KINDS
 from .figures_style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widened
-from .store import Store
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
 from ..palette import GREY, hue
+from ..store.store import Store
 
 # Margins of a picture [pixels].
 LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16

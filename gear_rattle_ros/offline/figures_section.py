@@ -15,9 +15,9 @@ from .figures_style import (
     VELOCITY_LABEL,
     widened,
 )
-from .store import Store
 from ..core.words import counted
 from ..palette import GREY, hue
+from ..store.store import Store
 
 LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
 

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from . import cli, options
 from .basins import add_settings, compute_basins, Settings, settings_of
 from .listing import listed
-from .store import Store
 from .tiles import GRIDS
 from ..attractors.catalogue import Catalogue, follow_here
 from ..attractors.plane import Plane
@@ -21,6 +20,7 @@ from ..core.many.escape import escape_rate
 from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
+from ..store.store import Store
 
 NAME: Final = 'lifetimes'
 # As in the paper.

@@ -22,8 +22,6 @@ from .options import (
     plane_of,
     whole,
 )
-from .store import Store
-from .store_making import make_store
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
 from ..attractors.engine import run_tiles
@@ -33,6 +31,8 @@ from ..core.flight.lanes_step import LANES
 from ..core.many.velocity_counts import BLOCKS
 from ..core.orbits.orbit import Orbit
 from ..core.words import counted, in_columns
+from ..store.making import make_store
+from ..store.store import Store
 
 
 def compute(diagram: Diagram, run: Run) -> Store:

@@ -7,16 +7,16 @@ from typing import Final
 import numpy as np
 
 from .cli import Figure, Run, run_tool
-from .layout import Axis, Layout, Variable
 from .listing import listed
 from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
-from .store import Store
-from .store_making import make_store
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane, TWO_PI
 from ..core.arrays import FloatArray
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
+from ..store.layout import Axis, Layout, Variable
+from ..store.making import make_store
+from ..store.store import Store
 
 # Trajectories followed at once.
 BATCH: Final = 64

@@ -11,8 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 from .cli import Run
-from .layout import Axis, Layout, Variable
-from .store import Store
 from ..attractors.catalogue import Catalogue
 from ..attractors.engine import run_tiles
 from ..attractors.plane import Plane
@@ -20,6 +18,8 @@ from ..attractors.refining import late_orbits, Level
 from ..core.many.settling import RESULT, UNRESOLVED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
+from ..store.layout import Axis, Layout, Variable
+from ..store.store import Store
 
 LABELS: Final = '<i2'
 LIFETIMES: Final = '<i4'

@@ -21,8 +21,8 @@ from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP
-from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.palette import HUES
+from gear_rattle_ros.store.store import open_dataset
 
 pytestmark = pytest.mark.long
 

@@ -16,8 +16,8 @@ import atheris
 
 with atheris.instrument_imports(include=[
         'gear_rattle_ros.bags', 'gear_rattle_ros.core.stream.event_points',
-        'gear_rattle_ros.offline.documents',
-        'gear_rattle_ros.offline.checksums', 'gear_rattle_ros.plain_yaml', 'mcap',
+        'gear_rattle_ros.store.documents',
+        'gear_rattle_ros.store.checksums', 'gear_rattle_ros.plain_yaml', 'mcap',
         'yaml']):
     import readers
 

@@ -17,15 +17,10 @@ from gear_rattle_ros.bags.metadata import file_names
 from gear_rattle_ros.bags.salvage import Salvage
 from gear_rattle_ros.core.model import EventKind
 from gear_rattle_ros.core.stream.event_points import check_events
-from gear_rattle_ros.offline.checksums import attributes_checksum, CHECKSUM, require_attributes
-from gear_rattle_ros.offline.documents import (
-    require_group,
-    require_layout,
-    StoreError,
-    tiles_of,
-)
-from gear_rattle_ros.offline.layout import Axis, Layout, Variable
-from gear_rattle_ros.offline.store_making import make_store
+from gear_rattle_ros.store.checksums import attributes_checksum, CHECKSUM, require_attributes
+from gear_rattle_ros.store.documents import require_group, require_layout, StoreError, tiles_of
+from gear_rattle_ros.store.layout import Axis, Layout, Variable
+from gear_rattle_ros.store.making import make_store
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),

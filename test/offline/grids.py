@@ -8,7 +8,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.basins import compute_basins, Settings
 from gear_rattle_ros.offline.cli import Run
-from gear_rattle_ros.offline.store import Store
+from gear_rattle_ros.store.store import Store
 
 SETTINGS = Settings(starts=150, hold=3000)
 PARAMETERS = Parameters()

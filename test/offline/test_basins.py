@@ -26,9 +26,9 @@ from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.offline import pictures
 from gear_rattle_ros.offline.basins import magnifications
-from gear_rattle_ros.offline.store import open_dataset
-from gear_rattle_ros.offline.store_making import make_store
 from gear_rattle_ros.palette import hue, rgb
+from gear_rattle_ros.store.making import make_store
+from gear_rattle_ros.store.store import open_dataset
 
 PLANE = Plane(phases=48, velocities=40)
 

@@ -15,7 +15,7 @@ import pytest
 from gear_rattle_ros.offline import attractors, basins, exponents, lifetimes
 from gear_rattle_ros.offline.options import number, Parser
 from gear_rattle_ros.offline.progress import in_words, Progress
-from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
+from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
 

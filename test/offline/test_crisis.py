@@ -18,8 +18,8 @@ from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.manifolds import find_edge
 from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET
 from gear_rattle_ros.offline.escape_rates import fit_exponent, fit_law
-from gear_rattle_ros.offline.store import open_dataset
 from gear_rattle_ros.offline.tangency import find_boundary, radius_of
+from gear_rattle_ros.store.store import open_dataset
 
 
 @pytest.fixture(scope='module')

@@ -18,11 +18,11 @@ from gear_rattle_ros.offline import (
     lifetimes,
     orbit_diagram,
     section,
-    store_making,
 )
-from gear_rattle_ros.offline.layout import Axis, Layout, Variable
-from gear_rattle_ros.offline.store import open_dataset, Store, StoreError
-from gear_rattle_ros.offline.store_making import make_store
+from gear_rattle_ros.store import making as store_making
+from gear_rattle_ros.store.layout import Axis, Layout, Variable
+from gear_rattle_ros.store.making import make_store
+from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),

@@ -63,7 +63,7 @@ def test_pictures_are_not_blank_and_have_their_size(drawn, figure, size):
 
 
 def test_a_raster_has_a_pixel_for_each_alpha_and_bin(drawn):
-    from gear_rattle_ros.offline.store import Store
+    from gear_rattle_ros.store.store import Store
     store = Store(drawn / 'data' / 'figure-2.zarr')
     picture = imread(drawn / 'figure-2a.png')[..., :3]
     # Inside of the axes: 300 columns three pixels wide, 400 bins one pixel high.

@@ -20,7 +20,7 @@ from gear_rattle_ros.offline.lifetimes import (
     Merged,
     tally,
 )
-from gear_rattle_ros.offline.store import open_dataset
+from gear_rattle_ros.store.store import open_dataset
 
 SETTINGS = Settings(cap=1500, starts=64, hold=4000, chaotic=False)
 PLANE = Plane(phases=40, velocities=40)

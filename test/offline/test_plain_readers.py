@@ -16,7 +16,7 @@ from gear_rattle_ros.offline import (
     orbit_diagram,
     section,
 )
-from gear_rattle_ros.offline.store import open_dataset
+from gear_rattle_ros.store.store import open_dataset
 
 SMALL = {
     attractors: '--starts 20 --hold 1000',

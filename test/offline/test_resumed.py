@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.offline import continuation, crisis, orbit_diagram
-from gear_rattle_ros.offline.store import Store, StoreError
+from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
          'crisis': crisis.main}

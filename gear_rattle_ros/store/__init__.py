@@ -1,0 +1,1 @@
+"""Labelled arrays in Zarr, written tile by tile, so that a run can be resumed."""
