@@ -21,8 +21,8 @@ from .page import FIRST_POINT, first_view, Page, Shared
 from .simulator_link import SimulatorLink
 from .trajectory import follow
 from .view import EXPONENTS, View
-from ..offline.options import number, Parser
-from ..offline.progress import telling_of_compilation
+from ..cli.options import number, Parser
+from ..cli.progress import telling_of_compilation
 
 NAME = 'explorer'
 ADDRESS = '127.0.0.1'

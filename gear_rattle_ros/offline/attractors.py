@@ -9,11 +9,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from . import cli, options
-from .listing import listed
 from ..attractors.catalogue import Attractor, Catalogue, HOLD, Kind, TOLERANCE
 from ..attractors.finding import find_attractors, STARTS
 from ..attractors.plane import Plane
+from ..cli import options, run as cli
+from ..cli.listing import listed
 from ..core.model import Parameters
 from ..store.layout import Layout
 from ..store.making import make_store

@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from . import cli, options
 from .attractors import identity_of, require_tolerance, write_attractors
-from .listing import listed
 from .tiles import compute_grid, grid_layout
 from ..attractors.catalogue import Catalogue, HOLD, TOLERANCE
 from ..attractors.finding import find_attractors, STARTS
 from ..attractors.plane import Plane
+from ..cli import options, run as cli
+from ..cli.listing import listed
 from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted

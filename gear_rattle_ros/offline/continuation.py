@@ -6,10 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from .cli import Figure, Run, run_tool
 from .diagram import Diagram
 from .events import Event, events_of, HEADING, searches_of
-from .options import (
+from .orbit_diagram import compute
+from ..attractors.columns import Window
+from ..cli.options import (
     add_alpha_window,
     add_plane,
     add_seed,
@@ -19,9 +20,8 @@ from .options import (
     plane_of,
     whole,
 )
-from .orbit_diagram import compute
-from .progress import Progress
-from ..attractors.columns import Window
+from ..cli.progress import Progress
+from ..cli.run import Figure, Run, run_tool
 from ..core.many.velocity_counts import BLOCKS
 from ..store.store import Store
 

@@ -14,10 +14,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from .cli import Figure, Run, run_tool
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
-from .options import (
+from .tangency import (
+    Boundary,
+    find_boundary,
+    find_tangency,
+    radius_of,
+    SEARCHES,
+    Tangency,
+)
+from ..cli.options import (
     add_alpha_window,
     add_plane,
     add_seed,
@@ -28,15 +35,8 @@ from .options import (
     plane_of,
     whole,
 )
-from .progress import Progress
-from .tangency import (
-    Boundary,
-    find_boundary,
-    find_tangency,
-    radius_of,
-    SEARCHES,
-    Tangency,
-)
+from ..cli.progress import Progress
+from ..cli.run import Figure, Run, run_tool
 from ..core.model import Parameters
 from ..core.words import counted, in_columns
 from ..store.store import Store

@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from .cli import Run
 from .tangency import Tangency
 from ..attractors.engine import run_tiles
 from ..attractors.finding import find_attractors
 from ..attractors.plane import make_starts, Plane
+from ..cli.run import Run
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.flight.lanes_step import LANES

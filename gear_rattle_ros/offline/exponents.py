@@ -5,12 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from . import cli, options
 from .attractors import identity_of
 from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
 from ..attractors.plane import Plane, StartArray
+from ..cli import options, run as cli
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.many.growth import grow, STEPS

@@ -19,8 +19,8 @@ import textwrap
 import time
 from typing import Final
 
-from .cli import PACKAGE
-from .plain import attempt, INTERRUPTED, Parser
+from ..cli.refusal import attempt, INTERRUPTED, Parser
+from ..cli.run import PACKAGE
 from ..places import config_folder
 from ..plain_yaml import read_yaml
 from ..store.making import versions

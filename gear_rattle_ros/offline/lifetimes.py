@@ -9,12 +9,12 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from . import cli, options
 from .basins import add_settings, compute_basins, Settings, settings_of
-from .listing import listed
 from .tiles import GRIDS
 from ..attractors.catalogue import Catalogue, follow_here
 from ..attractors.plane import Plane
+from ..cli import options, run as cli
+from ..cli.listing import listed
 from ..core.arrays import FloatArray
 from ..core.many.escape import escape_rate
 from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .cli import Figure, Run, run_tool
 from .diagram import describe, Diagram, KINDS, layout_of, STATE, SWEEPS
-from .options import (
+from ..attractors.catalogue import Kind
+from ..attractors.columns import Branch, find_branches, Window
+from ..attractors.engine import run_tiles
+from ..attractors.tracks import track
+from ..cli.options import (
     add_alpha_window,
     add_plane,
     add_seed,
@@ -22,10 +25,7 @@ from .options import (
     plane_of,
     whole,
 )
-from ..attractors.catalogue import Kind
-from ..attractors.columns import Branch, find_branches, Window
-from ..attractors.engine import run_tiles
-from ..attractors.tracks import track
+from ..cli.run import Figure, Run, run_tool
 from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
 from ..core.many.velocity_counts import BLOCKS

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 import dataclasses
 from pathlib import Path
 
-from .plain import attempt, Parser
 from ..bags import BagError, BagWriter, CloudDecoder
 from ..bags.clouds import POINT_CLOUD
 from ..bags.metadata import file_names
 from ..bags.salvage import Damage, Salvage
+from ..cli.refusal import attempt, Parser
 from ..core.model import EventArray
 from ..core.stream.guard import StreamGuard
 from ..core.words import counted

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from .cli import Figure, Run, run_tool
-from .listing import listed
-from .options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane, TWO_PI
+from ..cli.listing import listed
+from ..cli.options import add_model, add_plane, add_seed, model_of, number, Parser, plane_of, whole
+from ..cli.run import Figure, Run, run_tool
 from ..core.arrays import FloatArray
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters

@@ -16,8 +16,8 @@ import numpy as np
 
 from .digest import Digest, digest_of, in_words, RowArray
 from .figures_style import phase_ticks, thousands, VELOCITY_LABEL
-from .plain import attempt, Parser
 from ..bags import Bag, BagError
+from ..cli.refusal import attempt, Parser
 from ..core.arrays import FloatArray
 from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State

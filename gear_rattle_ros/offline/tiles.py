@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from .cli import Run
 from ..attractors.catalogue import Catalogue
 from ..attractors.engine import run_tiles
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
+from ..cli.run import Run
 from ..core.many.settling import RESULT, UNRESOLVED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from .plain import attempt, Parser
 from .recomputed import Exponents, Transients
 from ..bags import Bag, CloudDecoder
 from ..bags.small_messages import Named, read_diagnostics, read_joint_state
+from ..cli.refusal import attempt, Parser
 from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
 from ..core.stream.guard import Hole, StreamGuard

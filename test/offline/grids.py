@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli.run import Run
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.offline.basins import compute_basins, Settings
-from gear_rattle_ros.offline.cli import Run
 from gear_rattle_ros.store.store import Store
 
 SETTINGS = Settings(starts=150, hold=3000)

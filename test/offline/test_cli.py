@@ -12,9 +12,9 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
+from gear_rattle_ros.cli.options import number, Parser
+from gear_rattle_ros.cli.progress import in_words, Progress
 from gear_rattle_ros.offline import attractors, basins, exponents, lifetimes
-from gear_rattle_ros.offline.options import number, Parser
-from gear_rattle_ros.offline.progress import in_words, Progress
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}

@@ -14,8 +14,8 @@ import sys
 from typing import Final, Protocol
 
 from .options import whole
-from .plain import attempt, INTERRUPTED
 from .progress import Progress, telling_of_compilation
+from .refusal import attempt, INTERRUPTED
 from ..attractors.engine import EngineError
 from ..core.words import counted
 from ..store.store import Store, StoreError

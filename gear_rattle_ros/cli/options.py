@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import Final
 
-from . import plain
+from . import refusal as plain
 from ..attractors.plane import Plane
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 

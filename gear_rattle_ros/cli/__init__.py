@@ -1,0 +1,1 @@
+"""One way to run a study from a terminal: options, progress, refusals, Ctrl-C."""
