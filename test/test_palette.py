@@ -10,7 +10,7 @@ from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.pictures import draw_basins, draw_section
+from gear_rattle_ros.figures.grids import draw_basins, draw_section
 from gear_rattle_ros.palette import colours_of, HUES, rgb, rgba, UNSETTLED
 
 # Machado, Oliveira & Fernandes (2009), severity 1, on linear red, green and blue.

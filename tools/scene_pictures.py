@@ -12,7 +12,7 @@ from PIL import Image
 from scene_page import Stretch
 
 from gear_rattle_ros.core.model import EventArray, EventKind
-from gear_rattle_ros.offline.figures_style import DPI, new_figure, phase_ticks
+from gear_rattle_ros.figures.style import DPI, new_figure, phase_ticks
 from gear_rattle_ros.palette import GREY, hue
 from gear_rattle_ros.scenes import Scene
 

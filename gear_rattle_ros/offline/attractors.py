@@ -164,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(listed(catalogue))
 
         def draw() -> cli.Figure:
-            from .pictures import draw_section
+            from ..figures.grids import draw_section
             return draw_section(catalogue)
 
         return run.finish(draw)

@@ -250,7 +250,7 @@ def _one(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings)
           f'{counted(plane.phases * plane.velocities, "cell")}')
 
     def draw() -> cli.Figure:
-        from .pictures import draw_basins, in_words, thinned
+        from ..figures.grids import draw_basins, in_words, thinned
         labels = store.read_every('label', thinned(plane))
         return draw_basins(labels.astype(np.int64), plane, catalogue.attractors,
                            f'Basins of attraction, {in_words(catalogue)}, '

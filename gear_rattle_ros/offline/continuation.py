@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         def draw() -> Figure:
             # Only here: matplotlib takes a second to import.
-            from .figures_diagrams import draw_shares
+            from ..figures.diagrams import draw_shares
             return draw_shares(store)
 
         return run.finish(draw)

@@ -227,7 +227,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         def draw() -> Figure:
             # Only here: matplotlib takes a second to import.
-            from .figures_crisis import draw_law
+            from ..figures.crisis import draw_law
             return draw_law(store)
 
         return run.finish(draw)

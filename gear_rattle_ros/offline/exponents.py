@@ -132,7 +132,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f'{np.mean(np.isneginf(values)):.3%} of all stick and forget theirs')
 
         def draw() -> cli.Figure:
-            from .pictures import draw_exponents, thinned
+            from ..figures.grids import draw_exponents, thinned
             return draw_exponents(
                 store.read_every('exponent', thinned(plane)), plane,
                 f'Finite-time exponents over {counted(given.impacts, "impact")}, '

@@ -326,7 +326,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(escape.describe())
 
         def draw() -> cli.Figure:
-            from .pictures import draw_lifetimes, in_words, thinned
+            from ..figures.grids import draw_lifetimes, in_words, thinned
             every = thinned(plane)
             return draw_lifetimes(
                 store.read_every('lifetime', every).astype(np.int64),
@@ -334,7 +334,7 @@ def main(arguments: list[str] | None = None) -> int:
                 f'Lifetimes, {in_words(catalogue)}, s = {plane.displacement:g}', grey=given.grey)
 
         def draw_beside() -> cli.Figure:
-            from .pictures import draw_survival, in_words
+            from ..figures.grids import draw_survival, in_words
             return draw_survival(store.read_all('edge'), store.read_all('survival'), escape.begin,
                                  escape.rate, f'Survival, {in_words(catalogue)}')
 

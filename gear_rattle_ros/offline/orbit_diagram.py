@@ -236,7 +236,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         def draw() -> Figure:
             # Only here: matplotlib takes a second to import.
-            from .figures_diagrams import draw_diagram
+            from ..figures.diagrams import draw_diagram
             return draw_diagram(store, exponent=given.draw != 'velocity',
                                 raster=given.draw != 'exponent')
 

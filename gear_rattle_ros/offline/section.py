@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         def draw() -> Figure:
             # Only here: matplotlib takes a second to import.
-            from .figures_section import draw_section
+            from ..figures.section import draw_section
             return draw_section(store)
 
         return run.finish(draw)

@@ -5,7 +5,7 @@ from pathlib import Path
 from hypothesis import given, settings, strategies as st
 import pytest
 
-from gear_rattle_ros.offline.figures import load_recipes
+from gear_rattle_ros.figures.paper import load_recipes
 from gear_rattle_ros.scenes import read_scene
 
 ROOT = Path(__file__).parents[2] / 'config'

@@ -24,7 +24,7 @@ from gear_rattle_ros.core.many.settling import (
 )
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.offline import pictures
+from gear_rattle_ros.figures import grids as pictures
 from gear_rattle_ros.offline.basins import magnifications
 from gear_rattle_ros.palette import hue, rgb
 from gear_rattle_ros.store.making import make_store

@@ -6,8 +6,8 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from gear_rattle_ros.offline.figures import load_recipes, main
-from gear_rattle_ros.offline.figures_style import equalise, in_pi, shade
+from gear_rattle_ros.figures.paper import load_recipes, main
+from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
 
 PAPER = ['2', '3', '4', '5', '6', '7', '8a', '8b', '9a', '9b', '10', '11', '12']

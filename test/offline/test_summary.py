@@ -12,16 +12,9 @@ import pytest
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
-from gear_rattle_ros.offline import summary
-from gear_rattle_ros.offline.digest import (
-    Digest,
-    digest_of,
-    gathered,
-    in_words,
-    POINT,
-    Thinned,
-)
-from gear_rattle_ros.offline.summary import draw, save
+from gear_rattle_ros.figures import summary
+from gear_rattle_ros.figures.digest import Digest, digest_of, gathered, in_words, POINT, Thinned
+from gear_rattle_ros.figures.summary import draw, save
 
 
 def story(periods: int = 600, alpha: float = 1.244) -> list[EventArray]:

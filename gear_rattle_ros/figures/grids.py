@@ -14,23 +14,13 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .figures_style import phase_ticks
+from .style import phase_ticks
 from ..attractors.catalogue import Attractor, Catalogue, Kind
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.many.settling import UNRESOLVED
 from ..core.words import counted
-from ..palette import (
-    BLUE,
-    colours_of,
-    EXPONENTS,
-    FORGOTTEN,
-    GREY,
-    hue,
-    ORANGE,
-    painted,
-    UNSETTLED,
-)
+from ..palette import BLUE, colours_of, EXPONENTS, FORGOTTEN, GREY, hue, ORANGE, painted, UNSETTLED
 
 DPI: Final = 120
 # No picture has more cells than this along an edge: the rest is not seen anyway.

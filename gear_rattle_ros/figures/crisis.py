@@ -4,8 +4,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 import numpy as np
 
-from .crisis import PAPER
-from .figures_style import add_axes, new_figure, thousands
+from .style import add_axes, new_figure, thousands
+from ..offline.crisis import PAPER
 from ..palette import GREY, hue
 from ..store.store import Store
 

@@ -6,15 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
 
-from .figures_style import (
-    add_axes,
-    equalise,
-    new_figure,
-    phase_ticks,
-    shade,
-    VELOCITY_LABEL,
-    widened,
-)
+from .style import add_axes, equalise, new_figure, phase_ticks, shade, VELOCITY_LABEL, widened
 from ..core.words import counted
 from ..palette import GREY, hue
 from ..store.store import Store

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from .digest import Digest, digest_of, in_words, RowArray
-from .figures_style import phase_ticks, thousands, VELOCITY_LABEL
+from .style import phase_ticks, thousands, VELOCITY_LABEL
 from ..bags import Bag, BagError
 from ..cli.refusal import attempt, Parser
 from ..core.arrays import FloatArray

@@ -143,7 +143,7 @@ def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
 
 def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
     """Write the same as a page of the documents, with small pictures in a folder beside it."""
-    from .figures_style import shrink
+    from .style import shrink
     small = page.with_suffix('')
     parts = [HEAD.format(page=page)]
     for recipe in recipes.values():

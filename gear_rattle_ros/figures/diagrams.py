@@ -10,11 +10,11 @@ from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
-from .diagram import KINDS
-from .figures_style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widened
+from .style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widened
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
+from ..offline.diagram import KINDS
 from ..palette import GREY, hue
 from ..store.store import Store
 

@@ -1,0 +1,1 @@
+"""Pictures of datasets and runs, and the figures of the paper."""
