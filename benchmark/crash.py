@@ -29,8 +29,8 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 
 from gear_rattle_ros.bags import Bag, CloudDecoder
+from gear_rattle_ros.bags.recover import recover
 from gear_rattle_ros.core.stream.succession import Succession
-from gear_rattle_ros.offline.recover import recover
 from gear_rattle_ros.qos import STREAM_INPUT
 
 # What must be readable is older than this when the recorder is killed [s].

@@ -17,10 +17,10 @@ from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
 
 from gear_rattle_ros.bags import BagWriter, message_definition, Topic
+from gear_rattle_ros.bags.verify import verify
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.messages import cloud_from_events
-from gear_rattle_ros.offline.verify import verify
 
 BATCH = 1024
 TYPE = 'sensor_msgs/msg/PointCloud2'

@@ -28,7 +28,7 @@ EXECUTABLES = {
     'lyapunov': 'nodes.lyapunov',
     'orbit_diagram': 'offline.orbit_diagram',
     'recorder': 'nodes.recorder',
-    'recover': 'offline.recover',
+    'recover': 'bags.recover',
     'replay': 'nodes.replay',
     'section': 'offline.section',
     'simulator': 'nodes.simulator',
@@ -36,7 +36,7 @@ EXECUTABLES = {
     'summary': 'figures.summary',
     'teleop': 'nodes.teleop',
     'transients': 'nodes.transients',
-    'verify': 'offline.verify',
+    'verify': 'bags.verify',
     'viewer': 'nodes.viewer',
 }
 

@@ -15,8 +15,8 @@ from rosbags.rosbag2 import Reader
 import yaml
 
 from gear_rattle_ros.bags import Bag, BagError, BagWriter, CloudDecoder, message_definition
+from gear_rattle_ros.bags.recover import recover
 from gear_rattle_ros.core.model import EVENT, impact_count
-from gear_rattle_ros.offline.recover import recover
 
 EVENTS = story()
 CLOUDS = batches(EVENTS)

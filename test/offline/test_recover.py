@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 import yaml
 
 from gear_rattle_ros.bags import Bag
-from gear_rattle_ros.offline.recover import main, recover
+from gear_rattle_ros.bags.recover import main, recover
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from gear_rattle_ros.bags import BagWriter
+from gear_rattle_ros.bags.verify import main, verify
 from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, Parameters, State
@@ -17,7 +18,6 @@ from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.report_values import lyapunov_values, transient_values
 from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.messages import cloud_from_events, diagnostic_array, named_values
-from gear_rattle_ros.offline.verify import main, verify
 
 TYPES = {
     '/impacts': 'sensor_msgs/msg/PointCloud2', '/lyapunov': 'sensor_msgs/msg/JointState',

@@ -15,8 +15,8 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2
 
 from gear_rattle_ros.bags import Bag
+from gear_rattle_ros.bags.verify import verify
 from gear_rattle_ros.messages import cloud_from_events
-from gear_rattle_ros.offline.verify import verify
 from gear_rattle_ros.qos import STREAM
 
 pytestmark = pytest.mark.long

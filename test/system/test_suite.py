@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from gear_rattle_ros.bags import Bag
+from gear_rattle_ros.bags.verify import verify
 from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
@@ -22,7 +23,6 @@ from gear_rattle_ros.core.stream.guard import StreamGuard
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.report_values import texts, transient_values
 from gear_rattle_ros.core.stream.transients import TransientDetector
-from gear_rattle_ros.offline.verify import verify
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 import dataclasses
 from pathlib import Path
 
-from ..bags import BagError, BagWriter, CloudDecoder
-from ..bags.clouds import POINT_CLOUD
-from ..bags.metadata import file_names
-from ..bags.salvage import Damage, Salvage
+from . import BagError, BagWriter, CloudDecoder
+from .clouds import POINT_CLOUD
+from .metadata import file_names
+from .salvage import Damage, Salvage
 from ..cli.refusal import attempt, Parser
 from ..core.model import EventArray
 from ..core.stream.guard import StreamGuard

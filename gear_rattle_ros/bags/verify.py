@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from . import Bag, CloudDecoder
 from .recomputed import Exponents, Transients
-from ..bags import Bag, CloudDecoder
-from ..bags.small_messages import Named, read_diagnostics, read_joint_state
+from .small_messages import Named, read_diagnostics, read_joint_state
 from ..cli.refusal import attempt, Parser
 from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray

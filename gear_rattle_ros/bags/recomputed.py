@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ..bags.small_messages import Named
+from .small_messages import Named
 from ..core.model import EventArray, EventKind
 from ..core.stream.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.stream.report_values import lyapunov_values, texts, transient_values
