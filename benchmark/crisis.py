@@ -22,7 +22,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured, STEPS
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.tangency import Boundary, find_boundary, find_tangency, radius_of
+from gear_rattle_ros.studies.tangency import Boundary, find_boundary, find_tangency, radius_of
 
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9
 LOW, HIGH = 1.23, 1.25

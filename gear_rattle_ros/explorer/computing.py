@@ -12,7 +12,7 @@ from .catalogues import Catalogues, Known
 from .view import CAP, COARSEST, EXPONENTS, following, SPAN, View
 from ..attractors.catalogue import Catalogue
 from ..attractors.refining import FIRST_CAP, Level, refine
-from ..offline.exponents import finite_time_exponents
+from ..studies.exponents import finite_time_exponents
 
 # A level is shown anew so often while it is computed [s].
 SHOWN_EVERY: Final = 0.4

@@ -5,9 +5,9 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from .style import add_axes, new_figure, thousands
-from ..offline.crisis import PAPER
 from ..palette import GREY, hue
 from ..store.store import Store
+from ..studies.crisis import PAPER
 
 WIDTH, HEIGHT = 900, 640
 

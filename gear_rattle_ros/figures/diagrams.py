@@ -14,9 +14,9 @@ from .style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widene
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
-from ..offline.diagram import KINDS
 from ..palette import GREY, hue
 from ..store.store import Store
+from ..studies.diagram import KINDS
 
 # Margins of a picture [pixels].
 LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16

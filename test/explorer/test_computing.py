@@ -17,7 +17,7 @@ from gear_rattle_ros.explorer.painting import Colours, legend, paint
 from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP, EXPONENTS, KINDS, SPAN, View
 from gear_rattle_ros.explorer.worker import Worker
-from gear_rattle_ros.offline.exponents import finite_time_exponents
+from gear_rattle_ros.studies.exponents import finite_time_exponents
 
 
 def until(view: View, cells: int) -> Picture:

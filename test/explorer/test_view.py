@@ -8,8 +8,8 @@ import pytest
 
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.view import EXPONENTS, FINE, following, KINDS, NARROWEST, View
-from gear_rattle_ros.offline import basins, exponents, lifetimes
 from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies import basins, exponents, lifetimes
 
 TOOLS = {'basins': basins.main, 'lifetimes': lifetimes.main, 'exponents': exponents.main}
 

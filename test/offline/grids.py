@@ -7,8 +7,8 @@ import numpy as np
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.run import Run
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.offline.basins import compute_basins, Settings
 from gear_rattle_ros.store.store import Store
+from gear_rattle_ros.studies.basins import compute_basins, Settings
 
 SETTINGS = Settings(starts=150, hold=3000)
 PARAMETERS = Parameters()

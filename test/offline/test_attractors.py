@@ -12,8 +12,8 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.offline.attractors import main
 from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies.attractors import main
 
 
 def search(parameters: Parameters, count: int = 200, seed: int = 1, **settings):

@@ -25,10 +25,10 @@ from gear_rattle_ros.core.many.settling import (
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.figures import grids as pictures
-from gear_rattle_ros.offline.basins import magnifications
 from gear_rattle_ros.palette import hue, rgb
 from gear_rattle_ros.store.making import make_store
 from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies.basins import magnifications
 
 PLANE = Plane(phases=48, velocities=40)
 
@@ -241,7 +241,7 @@ def test_windows_magnify_about_a_point():
 
 def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     """20,000 x 20,000 starts: nothing of the size of the grid is held or written up front."""
-    from gear_rattle_ros.offline.tiles import fill_tile, grid_layout, Job
+    from gear_rattle_ros.studies.tiles import fill_tile, grid_layout, Job
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')
     assert len(store.tiles) == 1600

@@ -14,8 +14,8 @@ import pytest
 
 from gear_rattle_ros.cli.options import number, Parser
 from gear_rattle_ros.cli.progress import in_words, Progress
-from gear_rattle_ros.offline import attractors, basins, exponents, lifetimes
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
+from gear_rattle_ros.studies import attractors, basins, exponents, lifetimes
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
 

@@ -16,8 +16,8 @@ from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
-from gear_rattle_ros.offline.continuation import main
 from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies.continuation import main
 
 B, G, R = 0.1, 0.1, 0.9
 

@@ -16,10 +16,10 @@ from gear_rattle_ros.core.many.escape import (
 )
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.manifolds import find_edge
-from gear_rattle_ros.offline.crisis import main, PAPER, PAPER_BRACKET
-from gear_rattle_ros.offline.escape_rates import fit_exponent, fit_law
-from gear_rattle_ros.offline.tangency import find_boundary, radius_of
 from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies.crisis import main, PAPER, PAPER_BRACKET
+from gear_rattle_ros.studies.escape_rates import fit_exponent, fit_law
+from gear_rattle_ros.studies.tangency import find_boundary, radius_of
 
 
 @pytest.fixture(scope='module')

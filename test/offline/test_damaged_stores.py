@@ -10,7 +10,11 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from gear_rattle_ros.offline import (
+from gear_rattle_ros.store import making as store_making
+from gear_rattle_ros.store.layout import Axis, Layout, Variable
+from gear_rattle_ros.store.making import make_store
+from gear_rattle_ros.store.store import open_dataset, Store, StoreError
+from gear_rattle_ros.studies import (
     attractors,
     basins,
     continuation,
@@ -19,10 +23,6 @@ from gear_rattle_ros.offline import (
     orbit_diagram,
     section,
 )
-from gear_rattle_ros.store import making as store_making
-from gear_rattle_ros.store.layout import Axis, Layout, Variable
-from gear_rattle_ros.store.making import make_store
-from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 
 LAYOUT = Layout(
     (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),

@@ -12,15 +12,15 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import RESULT, UNRESOLVED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.offline.basins import Settings
-from gear_rattle_ros.offline.lifetimes import (
+from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies.basins import Settings
+from gear_rattle_ros.studies.lifetimes import (
     compute_lifetimes,
     distribution,
     estimate_escape,
     Merged,
     tally,
 )
-from gear_rattle_ros.store.store import open_dataset
 
 SETTINGS = Settings(cap=1500, starts=64, hold=4000, chaotic=False)
 PLANE = Plane(phases=40, velocities=40)

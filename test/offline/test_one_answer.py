@@ -17,7 +17,7 @@ from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.offline.basins import Settings
+from gear_rattle_ros.studies.basins import Settings
 
 # (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
 PAPERS = [(alpha, 0.1, 0.1, 0.9) for alpha in (

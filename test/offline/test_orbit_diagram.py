@@ -13,8 +13,8 @@ from gear_rattle_ros.core.many.velocity_counts import count_velocities
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.offline.orbit_diagram import main
 from gear_rattle_ros.store.store import open_dataset, Store
+from gear_rattle_ros.studies.orbit_diagram import main
 
 SMALL = ['--alpha', '0.48', '0.5', '--columns', '3', '--bins', '600', '--trajectories', '24',
          '--skip', '3000', '--keep', '512']

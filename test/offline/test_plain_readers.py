@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray
 
-from gear_rattle_ros.offline import (
+from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies import (
     attractors,
     basins,
     continuation,
@@ -16,7 +17,6 @@ from gear_rattle_ros.offline import (
     orbit_diagram,
     section,
 )
-from gear_rattle_ros.store.store import open_dataset
 
 SMALL = {
     attractors: '--starts 20 --hold 1000',

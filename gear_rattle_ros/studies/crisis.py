@@ -16,14 +16,7 @@ import numpy as np
 
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
-from .tangency import (
-    Boundary,
-    find_boundary,
-    find_tangency,
-    radius_of,
-    SEARCHES,
-    Tangency,
-)
+from .tangency import Boundary, find_boundary, find_tangency, radius_of, SEARCHES, Tangency
 from ..cli.options import (
     add_alpha_window,
     add_plane,

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from .bifurcations import Event, events_of, HEADING, searches_of
 from .diagram import Diagram
-from .events import Event, events_of, HEADING, searches_of
 from .orbit_diagram import compute
 from ..attractors.columns import Window
 from ..cli.options import (

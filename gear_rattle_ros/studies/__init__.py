@@ -1,0 +1,1 @@
+"""One file a question: basins, lifetimes, orbit diagrams, crises."""
