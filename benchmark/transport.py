@@ -20,7 +20,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
-from gear_rattle_ros.nodes.dds_room import PROFILES
+from gear_rattle_ros.nodes.base.dds_room import PROFILES
 
 SECONDS = 10.0
 READERS = 5

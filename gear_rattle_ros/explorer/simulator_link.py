@@ -7,7 +7,7 @@ from typing import Final, TYPE_CHECKING
 from ..core.model import Parameters, State
 
 if TYPE_CHECKING:
-    from ..nodes.client import Visitor
+    from ..nodes.base.client import Visitor
 
 _BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
 
@@ -21,7 +21,7 @@ class SimulatorLink:
 
     def join(self) -> 'Visitor':
         """Return the client of the simulator, with no more services than it needs."""
-        from ..nodes.client import GET, PUT, RESET, Visitor
+        from ..nodes.base.client import GET, PUT, RESET, Visitor
         if self._visitor is None:
             self._visitor = Visitor('explorer', '/simulator', (GET, PUT, RESET))
         return self._visitor
@@ -29,7 +29,7 @@ class SimulatorLink:
     def send(self, state: State, parameters: Parameters) -> tuple[str, bool]:
         """Make a state the simulator's next initial state; returns what came of it and whether."""
         try:
-            from ..nodes.client import ClientError
+            from ..nodes.base.client import ClientError
         except ImportError as error:
             return f'no ROS here ({error}): source a ROS 2 installation and start me again', False
         theirs: dict[str, float] = {}

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from rclpy.callback_groups import CallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
 
-from .scales import nice_limit
-from .shell import run_node, ShellNode, StartError
+from .base.node import run_node, ShellNode, StartError
+from .base.scales import nice_limit
 from ..attractors.catalogue import Attractor, OTHERS
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.matching import follow, points_of, Trace

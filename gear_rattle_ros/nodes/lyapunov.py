@@ -6,8 +6,8 @@ import dataclasses
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
-from .dds_room import ReadingNode
-from .shell import EventInput, HoleLog, run_node
+from .base.dds_room import ReadingNode
+from .base.node import EventInput, HoleLog, run_node
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.stream.lyapunov import LyapunovReport, RunningLyapunov

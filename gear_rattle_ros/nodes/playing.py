@@ -9,7 +9,7 @@ from typing import Final
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
-from .pacing import PATIENCE
+from .base.pacing import PATIENCE
 from ..bags import Bag
 
 # Messages a publisher keeps and sends before all of them must be acknowledged. Fast DDS asks for

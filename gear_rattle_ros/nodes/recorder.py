@@ -15,9 +15,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
-from .dds_room import ReadingNode
+from .base.dds_room import ReadingNode
+from .base.node import HoleLog, run_node, ShellNode, StartError
 from .recording import Received, Recording
-from .shell import HoleLog, run_node, ShellNode, StartError
 from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ..core.words import counted
 from ..parameters import RECORDER

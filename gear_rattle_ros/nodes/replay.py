@@ -11,10 +11,10 @@ from typing import Any, Final
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from .arguments import split_arguments
-from .dds_room import StreamingNode
+from .base.arguments import split_arguments
+from .base.dds_room import StreamingNode
+from .base.node import run_node, StartError
 from .playing import Output, Playing, Span, WINDOW
-from .shell import run_node, StartError
 from ..bags import Bag, BagError, Topic
 from ..core.words import counted
 from ..messages import stamp_from_nanoseconds

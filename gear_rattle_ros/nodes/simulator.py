@@ -13,9 +13,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from .dds_room import StreamingNode
-from .pacing import AcknowledgedPace, ClockPace
-from .shell import run_node
+from .base.dds_room import StreamingNode
+from .base.node import run_node
+from .base.pacing import AcknowledgedPace, ClockPace
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State

@@ -22,11 +22,11 @@ from rich.console import Console
 from rich.live import Live
 from sensor_msgs.msg import JointState
 
-from .client import ClientError, PUT, RESET, SimulatorClient
+from .base.client import ClientError, PUT, RESET, SimulatorClient
+from .base.node import begin, StartError, Stop
+from .base.services import tolerant
 from .display import render, Status
 from .processes import Processes
-from .services import tolerant
-from .shell import begin, StartError, Stop
 from ..qos import LATCHED, STREAM
 from ..scenes import find_scene, load_scenes, Performance, Step
 

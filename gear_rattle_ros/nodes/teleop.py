@@ -11,10 +11,10 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
-from .arguments import explained
-from .client import ClientError, RefusalError, SimulatorClient
-from .services import harden
-from .shell import GivenNode, initialise, StartError, Stop
+from .base.arguments import explained
+from .base.client import ClientError, RefusalError, SimulatorClient
+from .base.node import GivenNode, initialise, StartError, Stop
+from .base.services import harden
 from .teleop_keys import Entry, Keys
 from .teleop_terminal import Terminal
 from ..parameters import declare, TELEOP

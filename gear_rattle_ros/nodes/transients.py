@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from .dds_room import ReadingNode
-from .shell import EventInput, HoleLog, run_node
+from .base.dds_room import ReadingNode
+from .base.node import EventInput, HoleLog, run_node
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.stream.report_values import transient_values

@@ -9,9 +9,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
-from .dds_room import ReadingNode
-from .services import tolerant
-from .shell import EventInput, HoleLog, run_node, StartError
+from .base.dds_room import ReadingNode
+from .base.node import EventInput, HoleLog, run_node, StartError
+from .base.services import tolerant
 from .viewer_basin import BasinInput, BasinPicture
 from .viewer_recent import Recent
 from .viewer_scene import DRAWN_MOST, INTERVAL, Scene

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from .scales import nice_limit
+from .base.scales import nice_limit
 from .viewer_axes import (
     BASIN_OPACITY,
     colours_of,

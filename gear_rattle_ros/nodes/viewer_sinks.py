@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 import rerun as rr
 
-from .shell import StartError
+from .base.node import StartError
 from .viewer_axes import blueprint
 
 APPLICATION: Final = 'gear_rattle_ros'

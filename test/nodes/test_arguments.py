@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from rclpy.utilities import try_shutdown
 
-from gear_rattle_ros.nodes.arguments import (
+from gear_rattle_ros.nodes.base.arguments import (
     misspelt_sections,
     refuse_large_files,
     refuse_plain,
     split_arguments,
 )
-from gear_rattle_ros.nodes.shell import begin, GivenNode, StartError
+from gear_rattle_ros.nodes.base.node import begin, GivenNode, StartError
 from gear_rattle_ros.parameters import declare, LYAPUNOV
 
 

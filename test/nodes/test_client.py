@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gear_rattle_ros.nodes import client
-from gear_rattle_ros.nodes.client import ClientError, RefusalError, Visitor
+from gear_rattle_ros.nodes.base import client
+from gear_rattle_ros.nodes.base.client import ClientError, RefusalError, Visitor
 
 
 @pytest.fixture

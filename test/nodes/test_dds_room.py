@@ -16,8 +16,8 @@ from rclpy.duration import Duration
 from std_msgs.msg import UInt32
 
 from gear_rattle_ros.core.stream.event_points import POINT
-from gear_rattle_ros.nodes import dds_room
-from gear_rattle_ros.nodes.dds_room import (
+from gear_rattle_ros.nodes.base import dds_room
+from gear_rattle_ros.nodes.base.dds_room import (
     bound_backlog,
     make_room,
     MEMORY,
@@ -26,7 +26,7 @@ from gear_rattle_ros.nodes.dds_room import (
     SPARE,
     TRANSPORTS,
 )
-from gear_rattle_ros.nodes.pacing import WINDOW
+from gear_rattle_ros.nodes.base.pacing import WINDOW
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.qos import STREAM, STREAM_DEPTH

@@ -15,8 +15,8 @@ from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
+from gear_rattle_ros.nodes.base.node import begin
 from gear_rattle_ros.nodes.display import render, Status
-from gear_rattle_ros.nodes.shell import begin
 from gear_rattle_ros.nodes.suite import Monitor
 from gear_rattle_ros.nodes.viewer import SHOWN, Viewer
 from gear_rattle_ros.nodes.viewer_basin import points_of

@@ -25,8 +25,8 @@ from gear_rattle_ros.messages import (
     named_values,
     stamp_from_nanoseconds,
 )
-from gear_rattle_ros.nodes.scales import nice_limit
-from gear_rattle_ros.nodes.shell import StartError
+from gear_rattle_ros.nodes.base.node import StartError
+from gear_rattle_ros.nodes.base.scales import nice_limit
 from gear_rattle_ros.nodes.viewer_axes import colours_of, HALF_HEIGHT
 from gear_rattle_ros.nodes.viewer_recent import Recent
 from gear_rattle_ros.nodes.viewer_scene import exponent_row, EXPONENTS, SECTION_POINTS

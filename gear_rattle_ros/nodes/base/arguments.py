@@ -7,8 +7,8 @@ from pathlib import Path
 import re
 from typing import Any, Final
 
-from ..parameters import shown, TABLES
-from ..plain_yaml import read_yaml
+from ...parameters import shown, TABLES
+from ...plain_yaml import read_yaml
 
 # rcl takes time with the square of what stands in a file, and minutes for a megabyte [byte].
 LARGEST_FILE: Final = 100_000

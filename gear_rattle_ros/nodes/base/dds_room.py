@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import os
 from pathlib import Path
 
-from .shell import ShellNode
-from ..parameters import Specification
-from ..places import config_folder
+from .node import ShellNode
+from ...parameters import Specification
+from ...places import config_folder
 
 # Read by Fast DDS when the first node of a process is made; the second from version 3 on.
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')

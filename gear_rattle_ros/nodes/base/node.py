@@ -33,12 +33,12 @@ from .arguments import (
     split_arguments,
 )
 from .services import harden
-from ..core.model import EventArray
-from ..core.stream.guard import StreamGuard
-from ..core.words import counted
-from ..messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
-from ..parameters import declare, shown, Specification
-from ..qos import STREAM_INPUT
+from ...core.model import EventArray
+from ...core.stream.guard import StreamGuard
+from ...core.words import counted
+from ...messages import diagnostic_array, events_from_cloud, nanoseconds_from_stamp
+from ...parameters import declare, shown, Specification
+from ...qos import STREAM_INPUT
 
 # A signal is seen between two callbacks, or after so long without one [s].
 STOP_SEEN_WITHIN = 0.1

@@ -1,1 +1,0 @@
-"""Questions about whole runs, bags and many trajectories, without ROS."""
