@@ -27,17 +27,17 @@ EXECUTABLES = {
     'lifetimes': 'studies.lifetimes',
     'lyapunov': 'nodes.lyapunov',
     'orbit_diagram': 'studies.orbit_diagram',
-    'recorder': 'nodes.recorder',
+    'recorder': 'nodes.recorder.node',
     'recover': 'bags.recover',
-    'replay': 'nodes.replay',
+    'replay': 'nodes.replay.node',
     'section': 'studies.section',
     'simulator': 'nodes.simulator',
-    'suite': 'nodes.suite',
+    'suite': 'nodes.suite.node',
     'summary': 'figures.summary',
-    'teleop': 'nodes.teleop',
+    'teleop': 'nodes.teleop.node',
     'transients': 'nodes.transients',
     'verify': 'bags.verify',
-    'viewer': 'nodes.viewer',
+    'viewer': 'nodes.viewer.node',
 }
 
 # What libraries read of the environment while they are imported. Rerun would warn of a file

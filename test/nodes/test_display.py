@@ -5,7 +5,7 @@ import math
 
 from rich.console import Console
 
-from gear_rattle_ros.nodes.display import render, Status
+from gear_rattle_ros.nodes.suite.display import render, Status
 
 
 def shown(status: Status) -> str:

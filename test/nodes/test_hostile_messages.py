@@ -16,10 +16,10 @@ from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.base.node import begin
-from gear_rattle_ros.nodes.display import render, Status
-from gear_rattle_ros.nodes.suite import Monitor
-from gear_rattle_ros.nodes.viewer import SHOWN, Viewer
-from gear_rattle_ros.nodes.viewer_basin import points_of
+from gear_rattle_ros.nodes.suite.display import render, Status
+from gear_rattle_ros.nodes.suite.node import Monitor
+from gear_rattle_ros.nodes.viewer.basin import points_of
+from gear_rattle_ros.nodes.viewer.node import SHOWN, Viewer
 
 WORDS = st.sampled_from(['', 'x', '[/]', '[red]', 'nan', '-1', '1e999', 'gaps', 'alpha', 'size',
                          'lost_impacts', 'multiplier', 'velocity_low', 'velocity_high', '3', '\n'])

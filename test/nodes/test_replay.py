@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 
 from gear_rattle_ros.bags import BagWriter
 from gear_rattle_ros.messages import nanoseconds_from_stamp
-from gear_rattle_ros.nodes.replay import ros_arguments
+from gear_rattle_ros.nodes.replay.node import ros_arguments
 from gear_rattle_ros.qos import CLOCK, STREAM_INPUT
 
 CLOUDS = batches(story(20_000))

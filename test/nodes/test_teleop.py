@@ -17,7 +17,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from gear_rattle_ros.nodes.teleop_keys import Entry, Keys
+from gear_rattle_ros.nodes.teleop.keys import Entry, Keys
 from gear_rattle_ros.scenes import load_scenes
 
 UP, DOWN, SHIFT_UP, SHIFT_DOWN = b'\x1b[A', b'\x1b[B', b'\x1b[1;2A', b'\x1b[1;2B'

@@ -27,10 +27,10 @@ from gear_rattle_ros.messages import (
 )
 from gear_rattle_ros.nodes.base.node import StartError
 from gear_rattle_ros.nodes.base.scales import nice_limit
-from gear_rattle_ros.nodes.viewer_axes import colours_of, HALF_HEIGHT
-from gear_rattle_ros.nodes.viewer_recent import Recent
-from gear_rattle_ros.nodes.viewer_scene import exponent_row, EXPONENTS, SECTION_POINTS
-from gear_rattle_ros.nodes.viewer_sinks import add_index, chosen_mode, file_recording
+from gear_rattle_ros.nodes.viewer.axes import colours_of, HALF_HEIGHT
+from gear_rattle_ros.nodes.viewer.recent import Recent
+from gear_rattle_ros.nodes.viewer.scene import exponent_row, EXPONENTS, SECTION_POINTS
+from gear_rattle_ros.nodes.viewer.sinks import add_index, chosen_mode, file_recording
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 TWO_PI = 2.0 * math.pi

@@ -22,10 +22,10 @@ from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
-from gear_rattle_ros.nodes.viewer_basin import BasinInput
-from gear_rattle_ros.nodes.viewer_recent import Recent
-from gear_rattle_ros.nodes.viewer_scene import Scene
-from gear_rattle_ros.nodes.viewer_sinks import file_recording
+from gear_rattle_ros.nodes.viewer.basin import BasinInput
+from gear_rattle_ros.nodes.viewer.recent import Recent
+from gear_rattle_ros.nodes.viewer.scene import Scene
+from gear_rattle_ros.nodes.viewer.sinks import file_recording
 from gear_rattle_ros.palette import AMBER, BLUE, ORANGE, PURPLE, rgb, SKY
 
 pytestmark = pytest.mark.long

@@ -14,9 +14,9 @@ from rclpy.node import Node
 
 from gear_rattle_ros.bags import BagWriter
 from gear_rattle_ros.explorer.simulator_link import SimulatorLink
-from gear_rattle_ros.nodes.display import Status
-from gear_rattle_ros.nodes.suite import enclave, Monitor, secured
-from gear_rattle_ros.nodes.teleop import Teleop
+from gear_rattle_ros.nodes.suite.display import Status
+from gear_rattle_ros.nodes.suite.node import enclave, Monitor, secured
+from gear_rattle_ros.nodes.teleop.node import Teleop
 from gear_rattle_ros.parameters import TABLES
 
 POLICY = Path(__file__).parents[2] / 'config' / 'sros2' / 'gear_rattle_ros.policy.xml'

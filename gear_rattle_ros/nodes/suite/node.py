@@ -22,13 +22,13 @@ from rich.console import Console
 from rich.live import Live
 from sensor_msgs.msg import JointState
 
-from .base.client import ClientError, PUT, RESET, SimulatorClient
-from .base.node import begin, StartError, Stop
-from .base.services import tolerant
 from .display import render, Status
 from .processes import Processes
-from ..qos import LATCHED, STREAM
-from ..scenes import find_scene, load_scenes, Performance, Step
+from ..base.client import ClientError, PUT, RESET, SimulatorClient
+from ..base.node import begin, StartError, Stop
+from ..base.services import tolerant
+from ...qos import LATCHED, STREAM
+from ...scenes import find_scene, load_scenes, Performance, Step
 
 READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 # The paper's two stories: a chaotic attractor, and a chaotic transient after the crisis.

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from ..bags import BagError, BagWriter, CloudDecoder, Topic
-from ..core.model import EVENT, EventKind, impact_count
-from ..core.stream.guard import GUARDED, StreamGuard
+from ...bags import BagError, BagWriter, CloudDecoder, Topic
+from ...core.model import EVENT, EventKind, impact_count
+from ...core.stream.guard import GUARDED, StreamGuard
 
 # Bytes that may wait for the disk; then the reader of the topics waits, and DDS holds up the
 # publishers, so that nothing is lost.

@@ -13,8 +13,8 @@ from urllib.parse import quote
 
 import rerun as rr
 
-from .base.node import StartError
-from .viewer_axes import blueprint
+from .axes import blueprint
+from ..base.node import StartError
 
 APPLICATION: Final = 'gear_rattle_ros'
 LOOPBACK: Final = '127.0.0.1'

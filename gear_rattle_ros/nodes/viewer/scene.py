@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from .base.scales import nice_limit
-from .viewer_axes import (
+from .axes import (
     BASIN_OPACITY,
     colours_of,
     flight_axes,
@@ -20,12 +19,13 @@ from .viewer_axes import (
     section_axes,
     velocity_ticks,
 )
-from .viewer_basin import BasinPicture
-from .viewer_recent import Recent, ROW, RowArray
-from ..core.arrays import FloatArray
-from ..core.stream.counters import Place
-from ..core.stream.reconstruction import rebuild
-from ..palette import BLUE, GREEN, ORANGE, PURPLE, rgba
+from .basin import BasinPicture
+from .recent import Recent, ROW, RowArray
+from ..base.scales import nice_limit
+from ...core.arrays import FloatArray
+from ...core.stream.counters import Place
+from ...core.stream.reconstruction import rebuild
+from ...palette import BLUE, GREEN, ORANGE, PURPLE, rgba
 
 TWO_PI = 2.0 * math.pi
 # Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.

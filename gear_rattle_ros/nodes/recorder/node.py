@@ -15,13 +15,13 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
-from .base.dds_room import ReadingNode
-from .base.node import HoleLog, run_node, ShellNode, StartError
 from .recording import Received, Recording
-from ..bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
-from ..core.words import counted
-from ..parameters import RECORDER
-from ..qos import STREAM_INPUT
+from ..base.dds_room import ReadingNode
+from ..base.node import HoleLog, run_node, ShellNode, StartError
+from ...bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
+from ...core.words import counted
+from ...parameters import RECORDER
+from ...qos import STREAM_INPUT
 
 # Like STREAM_INPUT, and given the present state of the latched topics at the start.
 _LATCHED_INPUT: Final = QoSProfile(

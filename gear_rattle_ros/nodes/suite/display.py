@@ -10,8 +10,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from ..core.stream.report_values import infinite_in_words
-from ..core.words import counted
+from ...core.stream.report_values import infinite_in_words
+from ...core.words import counted
 
 
 @dataclasses.dataclass

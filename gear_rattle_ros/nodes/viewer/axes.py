@@ -8,8 +8,8 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ..core.arrays import FloatArray
-from ..palette import AMBER, rgba, SKY
+from ...core.arrays import FloatArray
+from ...palette import AMBER, rgba, SKY
 
 TWO_PI = 2.0 * math.pi
 # Half the height of the section; its width is 2 pi. Velocities are scaled to it.

@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from ..core.model import EVENT, EventArray, EventKind, impact_count
-from ..core.stream.counters import advanced, drive_times, impact_numbers, Place
-from ..core.stream.guard import Piece, StreamGuard
+from ...core.model import EVENT, EventArray, EventKind, impact_count
+from ...core.stream.counters import advanced, drive_times, impact_numbers, Place
+from ...core.stream.guard import Piece, StreamGuard
 
 # An event, its place on both axes, and how many events were seen up to it.
 ROW = np.dtype([

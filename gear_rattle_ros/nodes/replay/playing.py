@@ -9,8 +9,8 @@ from typing import Final
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
-from .base.pacing import PATIENCE
-from ..bags import Bag
+from ..base.pacing import PATIENCE
+from ...bags import Bag
 
 # Messages a publisher keeps and sends before all of them must be acknowledged. Fast DDS asks for
 # acknowledgements when so small a history is full; with a larger one, small messages wait up to

@@ -11,14 +11,14 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
-from .base.arguments import explained
-from .base.client import ClientError, RefusalError, SimulatorClient
-from .base.node import GivenNode, initialise, StartError, Stop
-from .base.services import harden
-from .teleop_keys import Entry, Keys
-from .teleop_terminal import Terminal
-from ..parameters import declare, TELEOP
-from ..scenes import load_scenes, Performance
+from .keys import Entry, Keys
+from .terminal import Terminal
+from ..base.arguments import explained
+from ..base.client import ClientError, RefusalError, SimulatorClient
+from ..base.node import GivenNode, initialise, StartError, Stop
+from ..base.services import harden
+from ...parameters import declare, TELEOP
+from ...scenes import load_scenes, Performance
 
 # Keys are awaited so long, while an answer is under way and otherwise [s].
 SOON, LATER = 0.02, 0.1

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from ..messages import nanoseconds_from_stamp
+from ...messages import nanoseconds_from_stamp
 
 # A quick compression: few colours make it small anyway.
 LEVEL: Final = 2

@@ -11,15 +11,15 @@ from typing import Any, Final
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from .base.arguments import split_arguments
-from .base.dds_room import StreamingNode
-from .base.node import run_node, StartError
 from .playing import Output, Playing, Span, WINDOW
-from ..bags import Bag, BagError, Topic
-from ..core.words import counted
-from ..messages import stamp_from_nanoseconds
-from ..parameters import REPLAY
-from ..qos import CLOCK
+from ..base.arguments import split_arguments
+from ..base.dds_room import StreamingNode
+from ..base.node import run_node, StartError
+from ...bags import Bag, BagError, Topic
+from ...core.words import counted
+from ...messages import stamp_from_nanoseconds
+from ...parameters import REPLAY
+from ...qos import CLOCK
 
 # What the nodes of then said of themselves is not true of those that run now.
 _NOT_UNASKED: Final = ('/diagnostics', '/parameter_events')

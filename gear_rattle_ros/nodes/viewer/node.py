@@ -9,19 +9,19 @@ from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
-from .base.dds_room import ReadingNode
-from .base.node import EventInput, HoleLog, run_node, StartError
-from .base.services import tolerant
-from .viewer_basin import BasinInput, BasinPicture
-from .viewer_recent import Recent
-from .viewer_scene import DRAWN_MOST, INTERVAL, Scene
-from .viewer_sinks import add_index, chosen_mode, file_recording, Window
-from ..core.model import EVENT, EventArray
-from ..core.stream.reconstruction import rebuild
-from ..core.stream.report_values import infinite_in_words
-from ..core.words import counted
-from ..parameters import VIEWER
-from ..qos import LATCHED, STREAM
+from .basin import BasinInput, BasinPicture
+from .recent import Recent
+from .scene import DRAWN_MOST, INTERVAL, Scene
+from .sinks import add_index, chosen_mode, file_recording, Window
+from ..base.dds_room import ReadingNode
+from ..base.node import EventInput, HoleLog, run_node, StartError
+from ..base.services import tolerant
+from ...core.model import EVENT, EventArray
+from ...core.stream.reconstruction import rebuild
+from ...core.stream.report_values import infinite_in_words
+from ...core.words import counted
+from ...parameters import VIEWER
+from ...qos import LATCHED, STREAM
 
 COLOURS = ('age', 'alpha')
 # What an estimate of the exponents must have to be shown.

@@ -1,0 +1,1 @@
+"""The recorder: a node, and the thread that writes its bag."""

@@ -1,0 +1,1 @@
+"""The replay: a node, and the thread that sends a bag."""

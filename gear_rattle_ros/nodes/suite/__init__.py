@@ -1,0 +1,1 @@
+"""The whole suite in one command: its processes and its display."""

@@ -1,0 +1,1 @@
+"""The keyboard control: its keys, its terminal, its node."""
