@@ -9,6 +9,8 @@ INSTALLED := setup.py setup.cfg package.xml constraints.txt gear_rattle_ros/star
 PIP := $(BIN)/python -m pip install --quiet --no-input --disable-pip-version-check \
 	--constraint constraints.txt
 
+COMPUTING := test/attractors test/cli test/core test/figures test/store test/studies
+
 # Nodes find each other on this machine only, and files below the prefix of the environment.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # A sourced ROS installation would mix its own rclpy into it.
@@ -44,8 +46,8 @@ test: $(VENV)/test.stamp
 
 # Computing goes side by side, nodes one test at a time; 5 is that ARGS leave none of them.
 test-long: $(VENV)/test.stamp
-	@status=0; for part in '-n 2 --dist worksteal test/core test/offline' \
-		'--ignore=test/core --ignore=test/offline'; \
+	@status=0; for part in '-n 2 --dist worksteal $(COMPUTING)' \
+		'$(COMPUTING:%=--ignore=%)'; \
 	do $(BIN)/python -m pytest -m long $$part $(ARGS) || test $$? = 5 || status=1; done; \
 	exit $$status
 
