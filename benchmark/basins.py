@@ -107,8 +107,8 @@ def control(threads: int) -> float:
 def computing(size: int) -> Iterator[Row]:
     """Time the computing alone, with one thread and with two, beside the control."""
     plane = Plane(phases=size, velocities=size)
-    starts = plane.starts(PARAMETERS, slice(0, size), slice(0, size))
-    draws = plane.random_starts(PARAMETERS, 1000, 1)
+    starts = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
+    draws = plane.draw(PARAMETERS, 1000, 1)
     arithmetic(1)
     best, plain = {1: np.inf, 2: np.inf}, {1: np.inf, 2: np.inf}
     for _ in range(TURNS + 1):

@@ -169,7 +169,7 @@ def compare_escapes(boundary: Boundary, scan: ctypes.CDLL) -> None:
     print(f'{"alpha":>10s}  {"scan in C":38s}  {"lanes":38s}')
     for alpha in ALPHAS:
         parameters = Parameters(alpha=alpha)
-        starts = Plane(displacement=-0.5).random_starts(parameters, TRAJECTORIES, 11)
+        starts = Plane(displacement=-0.5).draw(parameters, TRAJECTORIES, 11)
         with ThreadPoolExecutor() as pool:
             peer = list(pool.map(lambda start, alpha=alpha: scan.escape(
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,

@@ -5,24 +5,19 @@ from pathlib import Path
 import numpy as np
 
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.run import Run
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.store.store import Store
 from gear_rattle_ros.studies.basins import compute_basins, Settings
+from gear_rattle_ros.studies.work import Work
 
-SETTINGS = Settings(starts=150, hold=3000)
+SETTINGS = Settings(initial_conditions=150, hold=3000)
 PARAMETERS = Parameters()
-
-
-def run_into(path: Path, **settings) -> Run:
-    """Return how to run a tool into a store."""
-    return Run('basins', 'ros2 run gear_rattle_ros basins', path, **settings)
 
 
 def basin(path: Path, plane: Plane, parameters: Parameters = PARAMETERS, *,
           settings: Settings = SETTINGS, **run):
     """Compute a basin; returns store, labels, lifetimes and attractors."""
-    store, catalogue = compute_basins(parameters, plane, run_into(path, **run), settings)
+    store, catalogue = compute_basins(parameters, plane, Work(path, **run), settings)
     return store, store.read_all('label'), store.read_all('lifetime'), catalogue.attractors
 
 

@@ -10,8 +10,10 @@ from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.figures.grids import draw_basins, draw_section
+from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.palette import colours_of, HUES, rgb, rgba, UNSETTLED
+from gear_rattle_ros.studies.attractors import attractors as dataset_of
+from gear_rattle_ros.studies.basins import basins
 
 # Machado, Oliveira & Fernandes (2009), severity 1, on linear red, green and blue.
 VISION = {
@@ -43,18 +45,18 @@ def test_attractors_are_told_apart(vision):
 def test_an_attractor_has_one_colour_in_all_pictures():
     """By its number, which is that of the store; explorer and basin node begin with it, too."""
     parameters = Parameters(alpha=0.5)
-    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 100, 1), hold=2000)
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 100, 1), hold=2000)
     attractors = catalogue.attractors
     assert [each.label for each in attractors] == list(range(len(attractors))) != [0]
     colours = colours_of(range(len(attractors)))
     assert colours_of(follow((), points_of(catalogue))[1]) == colours
-    labels = np.array([[each.label for each in attractors], [UNRESOLVED] * len(attractors)])
-    plane = Plane(phases=len(attractors), velocities=2)
-    basins = draw_basins(labels, plane, attractors, '').axes[0].images[0].get_array()
-    for each in attractors:
-        assert tuple(basins[0, each.label, :3]) == rgb(colours[each.label])
-        assert tuple(basins[1, each.label, :3]) == rgb(UNSETTLED)
-    for collection in draw_section(catalogue).axes[0].collections:
+    plane = Plane(phases=20, velocities=20)
+    grid = basins(parameters, plane, initial_conditions=100, hold=2000, cap=300)
+    picture = draw(grid).axes[0].images[0].get_array()
+    for label, shown in zip(grid['label'].values.ravel(), picture.reshape(-1, 4), strict=True):
+        assert tuple(shown[:3]) == rgb(UNSETTLED if label == UNRESOLVED else colours[label])
+    section = draw(dataset_of(parameters, initial_conditions=100, hold=2000))
+    for collection in section.axes[0].collections:
         label = int(collection.get_label().split()[0])
         assert np.allclose(collection.get_facecolor()[0, :3] * 255.0, rgb(colours[label]))
 

@@ -12,7 +12,7 @@ from PIL import Image
 from scene_page import Stretch
 
 from gear_rattle_ros.core.model import EventArray, EventKind
-from gear_rattle_ros.figures.style import DPI, new_figure, phase_ticks
+from gear_rattle_ros.figures.style import DPI, Looks, new_figure, phase_ticks
 from gear_rattle_ros.palette import GREY, hue
 from gear_rattle_ros.scenes import Scene
 
@@ -26,7 +26,7 @@ PALETTE = 48
 
 def draw(scene: Scene, stretches: list[Stretch]) -> Figure:
     """Draw a scene."""
-    figure = new_figure(WIDTH, HEIGHT)
+    figure = new_figure(WIDTH, HEIGHT, Looks())
     figure.set_layout_engine('constrained')
     figure.suptitle(scene.title, fontsize=14)
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.15))[0]

@@ -53,13 +53,13 @@ def python_of(peer: str) -> str:
 def compare(peer: str, python: str, size: int, count: int, folder: Path) -> Comparison:
     """Follow size x size starts by the peer, count impacts each, and by the lanes."""
     plane = Plane(phases=size, velocities=size)
-    starts = plane.starts(PARAMETERS, slice(0, size), slice(0, size))
+    starts = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
     np.save(folder / 'starts.npy', np.stack([starts['phase'], starts['velocity']], axis=1))
     done = subprocess.run(
         [python, str(FOLLOW), peer, str(folder / 'starts.npy'), str(folder / 'last.npy'),
          str(count)], check=True, stdout=subprocess.PIPE, text=True)
     last = np.load(folder / 'last.npy')
-    catalogue = find_attractors(PARAMETERS, plane.random_starts(PARAMETERS, 1000, 1))
+    catalogue = find_attractors(PARAMETERS, plane.draw(PARAMETERS, 1000, 1))
     begin = time.perf_counter()
     result = catalogue.label(starts, CAP)
     seconds = time.perf_counter() - begin

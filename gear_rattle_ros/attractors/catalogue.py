@@ -1,5 +1,6 @@
 """The attractors at given parameters: what is known of each, and how states are labelled."""
 
+from collections.abc import Mapping
 import dataclasses
 import enum
 import functools
@@ -10,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
+from .listing import listed
 from ..core.arrays import FloatArray
+from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
 from ..core.flight.lanes_step import LANES
@@ -32,8 +35,6 @@ from ..core.many.settling import (
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 
-TOLERANCE: Final = 1e-3
-HOLD: Final = 100_000
 # Initial conditions of one call of the kernel, fewer where they take so many impacts: it cannot
 # be stopped.
 BATCH: Final = 250
@@ -165,7 +166,10 @@ class Attractor:
                                 np.where(wall == 0, speed, -speed)])
 
 
-@dataclasses.dataclass(frozen=True)
+TableOfArrays = dict[str, tuple[tuple[str, ...], npt.ArrayLike, Mapping[str, Any]]]
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
 class Catalogue:
     """
     The attractors at given parameters.
@@ -223,6 +227,11 @@ class Catalogue:
                   if np.any(self.labels == label)]
         return tuple(self._with_share(each) for each in found)
 
+    def __repr__(self) -> str:
+        """List the attractors as a table."""
+        return listed({name: np.asarray(values) for name, (_, values, _) in table_of(
+            self.attractors).items()}, self.hold)
+
     def _with_share(self, attractor: Attractor) -> Attractor:
         settled, total = int(np.sum(self.labels == attractor.label)), len(self.labels)
         # As if two more had settled on it and two elsewhere: none or all have an error, too.
@@ -275,6 +284,63 @@ class Catalogue:
 
         """
         return follow(starts, cap or self.hold, self.table, **settings)
+
+
+def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
+    """Lay attractors out as the arrays of a dataset: dimensions, values, attributes by name."""
+    one = ('attractor',)
+    table: TableOfArrays = {}
+    for name, words in (
+        ('key', 'name of the attractor'),
+        ('kind', 'periodic, chaotic, resting, floating or unsettled'),
+        ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
+        ('drive_periods', 'drive periods of a period'),
+        ('pieces', 'parts visited in turn on one wall'),
+        ('exact_sum', 'exact sum of the exponents'),
+        ('settled', 'random initial conditions settled on it'),
+        ('share', 'share of the random initial conditions'),
+        ('share_error', 'standard error of the share'),
+    ):
+        column = [getattr(each, name) for each in attractors]
+        table[f'attractor_{name}'] = (
+            one, np.array([value.value if isinstance(value, Kind) else value for value in column]),
+            {'long_name': words, 'units': '' if name in ('key', 'kind') else '1'})
+    multipliers = np.array([each.multipliers for each in attractors]).reshape(-1, 2)
+    pair = ('attractor', 'pair')
+    for name, values, words in (
+        ('multiplier_real', multipliers.real, 'multipliers of a period, real part'),
+        ('multiplier_imaginary', multipliers.imag, 'multipliers of a period, imaginary part'),
+        ('exponent', np.array([each.exponents for each in attractors]).reshape(-1, 2),
+         'Lyapunov exponents per impact'),
+        ('exponent_error', np.array([each.errors for each in attractors]).reshape(-1, 2),
+         'standard errors of the exponents'),
+    ):
+        table[f'attractor_{name}'] = (pair, values, {'long_name': words, 'units': '1'})
+    orbits = [each for each in attractors if each.orbit]
+    points = np.concatenate([np.zeros((0, 4)), *(np.column_stack(
+        [each.points(), each.orbit.flight_times]) for each in orbits if each.orbit)])
+    owners = [each.label for each in orbits for _ in range(each.impacts)]
+    for index, (name, words, units) in enumerate((
+        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the impact', 'rad'),
+        ('velocity', 'velocity before the impact', '1'),
+        ('flight_time', 'time since the impact before', '1'),
+    )):
+        table[f'point_{name}'] = (('point',), points[:, index],
+                                  {'long_name': words, 'units': units})
+    table['point_label'] = (('point',), np.array(owners, np.int64),
+                            {'long_name': 'attractor of the point', 'units': '1'})
+    boxes = [(each, each.points()) for each in attractors if each.chaos]
+    centres = np.concatenate([np.zeros((0, 3)), *(points for _, points in boxes)])
+    for index, (name, words, units) in enumerate((
+        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the centre', 'rad'),
+        ('velocity', 'velocity before the impact, of the centre', '1'),
+    )):
+        table[f'box_{name}'] = (('box',), centres[:, index], {'long_name': words, 'units': units})
+    table['box_label'] = (('box',), np.repeat(
+        np.array([each.label for each, _ in boxes], np.int64),
+        [len(points) for _, points in boxes]), {
+            'long_name': 'chaotic attractor that visits the box', 'units': '1'})
+    return table
 
 
 def go_on() -> None:

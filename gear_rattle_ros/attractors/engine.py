@@ -16,7 +16,7 @@ PATIENCE: Final = 10.0
 AHEAD: Final = 4
 
 
-class EngineError(Exception):
+class EngineError(ValueError):
     """The cluster cannot be used; the message is one line."""
 
 

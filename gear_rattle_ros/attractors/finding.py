@@ -17,8 +17,9 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from .catalogue import BATCH, Catalogue, follow, go_on, HOLD, moved, TOLERANCE
+from .catalogue import BATCH, Catalogue, follow, go_on, moved
 from .plane import Plane
+from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import chaotic_sets, ChaoticSet, Effort, THOROUGH
 from ..core.many.recognition import find_orbit, with_neighbourhood
@@ -28,8 +29,6 @@ from ..core.model import Parameters
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
 from ..core.orbits.section import distances, shortest_recurrence
 
-STARTS: Final = 1000
-SEED: Final = 1
 # So many times `hold` impacts must stay on a chaotic attractor.
 CONFIRMED: Final = 32
 # A largest exponent is positive if it is so many standard errors from zero.
@@ -66,8 +65,8 @@ def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *
     parameters : Parameters
         Of the model.
     starts : ndarray of START, shape (n,), optional
-        Initial conditions; by default `STARTS` random ones of the default plane. The result does
-        not depend on where they are followed.
+        By default `INITIAL_CONDITIONS` random ones of the default plane. The result does not
+        depend on where they are followed.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
@@ -93,7 +92,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *
 
     """
     if starts is None:
-        starts = Plane().random_starts(parameters, STARTS, SEED)
+        starts = Plane().draw(parameters, INITIAL_CONDITIONS, SEED)
     catalogue = Catalogue(parameters, tolerance, hold,
                           labels=np.full(len(starts), UNRESOLVED, np.int64), states=starts)
     if conserves_areas(parameters):

@@ -100,7 +100,7 @@ class Plane:
         """
         return _centres(self.velocity, self.velocities, first, last)
 
-    def starts(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
+    def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
         """
         Make the starts of some cells; a cell's start does not depend on which others are made.
 
@@ -119,10 +119,10 @@ class Plane:
         """
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
-        return make_starts(parameters, np.tile(p, len(v)), self.displacement,
+        return make_initial_conditions(parameters, np.tile(p, len(v)), self.displacement,
                            np.repeat(v, len(p)))
 
-    def random_starts(self, parameters: Parameters, count: int, seed: int) -> StartArray:
+    def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
         """
         Draw starts uniformly from the window.
 
@@ -143,7 +143,7 @@ class Plane:
         """
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
-        return make_starts(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,
+        return make_initial_conditions(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,
                            v0 + (v1 - v0) * drawn[:, 1])
 
     def magnified(self, phase: float, velocity: float, factor: float) -> 'Plane':
@@ -169,8 +169,8 @@ class Plane:
         return dataclasses.replace(self, phase=windows[0], velocity=windows[1])
 
 
-def make_starts(parameters: Parameters, phases: npt.ArrayLike, displacement: npt.ArrayLike,
-                velocities: npt.ArrayLike) -> StartArray:
+def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
+                            displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> StartArray:
     """
     Put initial conditions and parameters together.
 

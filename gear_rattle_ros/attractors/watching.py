@@ -14,11 +14,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Catalogue, follow_here, moved, TOLERANCE
+from .catalogue import Catalogue, follow_here, moved
 from .finding import Check, find_attractors, orbits_among, STAYS
-from .plane import make_starts, Plane
+from .plane import make_initial_conditions, Plane
 from .refining import FIRST_CAP, Level, refine, SEED
 from ..core.arrays import FloatArray
+from ..core.defaults import TOLERANCE
 from ..core.many.chaotic_sets import BRIEF, GLANCE
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import RecordArray, RESULT, UNRESOLVED
@@ -103,8 +104,8 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
 
     """
     skip = GLANCE[0]
-    drawn = Plane().random_starts(parameters, GLANCED, SEED)
-    hinted = make_starts(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
+    drawn = Plane().draw(parameters, GLANCED, SEED)
+    hinted = make_initial_conditions(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
     starts = np.concatenate([hinted, drawn])
     results = np.zeros(len(starts), RESULT)
     follow_here(starts, skip, Catalogue(parameters).table, results)
@@ -157,7 +158,7 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
         return max(plane.phases, plane.velocities)
 
     def level_of(plane: Plane, cap: int, sure: float = math.inf) -> Level:
-        starts = plane.starts(parameters, slice(0, plane.velocities), slice(0, plane.phases))
+        starts = plane.cells(parameters, slice(0, plane.velocities), slice(0, plane.phases))
         if on_walls:
             starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
         seconds = next((time for most, time in TIMES if edge_of(plane) <= most), math.inf)
@@ -170,7 +171,7 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
         if len(planes) == 1:
             return
         certain = _without_slow_chaos(find_attractors(
-            parameters, planes[1].random_starts(parameters, STARTS, SEED), hold=HOLD,
+            parameters, planes[1].draw(parameters, STARTS, SEED), hold=HOLD,
             threads=threads, effort=BRIEF, check=check)).with_orbits(seen.orbits)
         hastened = _hastened(certain, first.states[first.labels.ravel() >= 0], threads, check)
         for plane in planes[1:-1]:

@@ -1,45 +1,38 @@
 """
-How the offline tools run: where results go, refusals, progress, Ctrl-C.
+How commands run: one parser, where results go, refusals, Ctrl-C.
 
-Exit status: 0, 2 after one line that says what is wrong, 130 after Ctrl-C.
+Nothing but the standard library is imported before the options are read, so that --help is quick.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import dataclasses
 import os
 from pathlib import Path
 import shlex
 import sys
-from typing import Final, Protocol
+from typing import Any, Final, TYPE_CHECKING
 
-from .options import whole
-from .progress import Progress, telling_of_compilation
-from .refusal import attempt, INTERRUPTED
-from ..attractors.engine import EngineError
-from ..core.words import counted
-from ..store.store import Store, StoreError
+from .options import number, whole
+from .refusal import attempt, INTERRUPTED, Parser
+
+if TYPE_CHECKING:
+    import xarray
+
+    from ..studies.work import WorkOptions
 
 PACKAGE: Final = 'gear_rattle_ros'
 # Endings of pictures.
 PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
 
 
-class Figure(Protocol):
-    """A picture, as matplotlib has it."""
-
-    def savefig(self, fname: Path) -> None:
-        """Write it."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Run:
     """
-    How a tool runs and where its results go.
+    How a command runs and where its results go.
 
-    `command` is the command line as one would type it again, `output` the store and `picture` what
-    is drawn of it, `cluster` the address of a Dask scheduler; without `threads` there is one for
-    each processor.
+    `command` is the command line as one would type it again, `output` the store, `picture` what is
+    drawn of it and `looks` how; `cluster` is the address of a Dask scheduler.
     """
 
     name: str
@@ -49,36 +42,72 @@ class Run:
     cluster: str | None = None
     threads: int | None = None
     picture: Path | None = None
+    looks: dict[str, Any] = dataclasses.field(default_factory=dict)
 
-    def progress(self, total: int) -> 'Progress':
-        """Report on stderr how this run goes; `total` counts initial conditions or the like."""
-        return Progress(self.name, total, sys.stderr)
+    @property
+    def work(self) -> 'WorkOptions':
+        """Return what a study has to know of it."""
+        return {'store': self.output, 'resume': self.resume, 'cluster': self.cluster,
+                'threads': self.threads, 'command': self.command, 'progress': True}
 
-    def finish(self, draw: Callable[[], Figure], **beside: Callable[[], Figure]) -> int:
-        """
-        Draw the picture where one is asked for, and say where everything is.
-
-        `draw` imports matplotlib only when it is called; further figures are named by what is
-        added to the name of the file. The exit status is 0.
-        """
+    def finish(self, dataset: 'xarray.Dataset', words: str, **looks: Any) -> None:
+        """Print what was found and where everything is; draw the picture if one is asked for."""
+        print(words)
         print(self.output)
         if self.picture is not None:
-            for suffix, one in {'': draw, **beside}.items():
-                path = self.picture
-                if suffix:
-                    path = path.with_name(f'{path.stem}-{suffix}{path.suffix}')
-                one().savefig(path)
+            from ..figures.draw import save
+            for path in save(dataset, self.picture, **self.looks | looks):
                 print(path)
-        return 0
 
-    def how_to_resume(self) -> str:
-        """Return the command line that goes on with this run."""
-        resume = '' if '--resume' in shlex.split(self.command) else ' --resume'
-        return self.command + resume
+    def numbered(self, number: int) -> 'Run':
+        """Return one of several runs, whose store and picture have its number in their names."""
+        def name(path: Path) -> Path:
+            return path.with_name(f'{path.stem}-{number}{path.suffix}')
+
+        return dataclasses.replace(self, output=name(self.output),
+                                   picture=self.picture and name(self.picture))
 
 
-def add_run(parser: argparse.ArgumentParser) -> None:
-    """Add the options of how to run and where to put results."""
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """
+    A command that runs a study; called with its arguments it returns the exit status.
+
+    `output` is the default name of the store, with options in braces, such as ``{alpha:g}``.
+    """
+
+    name: str
+    description: str
+    output: str
+    add_options: Callable[[Parser], None]
+    work: Callable[[argparse.Namespace, Run], None]
+
+    def __call__(self, arguments: Sequence[str] | None = None) -> int:
+        """Return 0, 2 after one line that says what is wrong, or 130 after Ctrl-C."""
+        words = sys.argv[1:] if arguments is None else list(arguments)
+        parser = Parser(self.name, description=self.description)
+        self.add_options(parser)
+        _add_run(parser)
+        given = parser.parse_args(words)
+
+        def action() -> int:
+            require_picture(given.picture)
+            run = Run(
+                self.name, shlex.join(['ros2', 'run', PACKAGE, self.name, *words]),
+                given.output or Path(self.output.format_map(vars(given))), given.resume,
+                given.cluster, given.threads, given.picture, looks_of(given))
+            from .compilation import reporting_compilation
+            try:
+                with reporting_compilation(self.name, sys.stderr):
+                    self.work(given, run)
+                return 0
+            except KeyboardInterrupt:
+                return _report_stop(run)
+
+        return attempt(self.name, action)
+
+
+def _add_run(parser: Parser) -> None:
     group = parser.add_argument_group('running')
     group.add_argument('--output', type=Path, metavar='DIR.zarr',
                        help='the store; named after the tool and its parameters by default')
@@ -88,55 +117,47 @@ def add_run(parser: argparse.ArgumentParser) -> None:
                        help='run the tiles on a Dask cluster, such as tcp://host:8786')
     group.add_argument('--threads', type=whole(1), metavar='N',
                        help='threads here; one for each processor by default')
-    group.add_argument('--picture', type=Path, metavar='FILE.png', help='draw the result')
+    add_picture(parser)
 
 
-def run_tool(parser: argparse.ArgumentParser, arguments: list[str] | None, output: str,
-             work: Callable[[argparse.Namespace, Run], int]) -> int:
-    """
-    Parse a command line, run a tool, and turn what goes wrong into one line.
-
-    Options stand in braces in `output`, the default name of the store, such as ``{alpha:g}``. The
-    exit status is that of `work`, 2 after an error, 130 after Ctrl-C.
-    """
-    add_run(parser)
-    given = parser.parse_args(arguments)
-
-    def action() -> int:
-        run = _run_of(parser, given, arguments, output.format_map(vars(given)))
-        try:
-            with telling_of_compilation(run.name, sys.stderr):
-                return work(given, run)
-        except KeyboardInterrupt:
-            return say_stopped(run)
-
-    return attempt(parser.prog, action, EngineError, StoreError)
+def add_picture(parser: Parser) -> None:
+    """Add the options of a picture."""
+    group = parser.add_argument_group('picture')
+    group.add_argument('--picture', type=Path, metavar='FILE',
+                       help=f'draw the result; the name ends in {", ".join(PICTURES)}')
+    group.add_argument('--title', metavar='TEXT', help='title instead of the usual one')
+    group.add_argument('--dpi', type=number, metavar='X',
+                       help='pixels per inch of a picture made of pixels')
+    group.add_argument('--colours', metavar='NAME',
+                       help="a colour map of matplotlib, or 'paper' for the greys of the paper")
 
 
-def say_stopped(run: Run) -> int:
-    """Say what Ctrl-C has left of a store and how to go on; return exit status 130."""
+def looks_of(given: argparse.Namespace) -> dict[str, Any]:
+    """Return how a picture is to look, as far as that was given."""
+    return {name: value for name in ('title', 'dpi', 'colours')
+            if (value := getattr(given, name)) is not None}
+
+
+def require_picture(path: Path | None) -> None:
+    """Refuse a picture that cannot be written before a long computation, not after it."""
+    if path is None:
+        return
+    if path.is_dir() or not os.access(path.resolve().parent, os.W_OK):
+        raise ValueError(f'--picture {path} cannot be written')
+    if path.suffix not in PICTURES:
+        raise ValueError(f'--picture {path} does not end in one of {" ".join(PICTURES)}')
+
+
+def _report_stop(run: Run) -> int:
+    from ..core.words import counted
+    from ..store.store import Store, StoreError
     try:
         store = Store(run.output)
         total = len(store.tiles)
         done = total - len(store.pending())
     except StoreError:
         done = total = 0
+    resume = '' if '--resume' in shlex.split(run.command) else ' --resume'
     print(f'{run.name}: stopped; {run.output} keeps {done:,} of {counted(total, "tile")}; go on '
-          f'with: {run.how_to_resume()}', file=sys.stderr)
+          f'with: {run.command}{resume}', file=sys.stderr)
     return INTERRUPTED
-
-
-def _run_of(parser: argparse.ArgumentParser, given: argparse.Namespace,
-            arguments: list[str] | None, output: str) -> Run:
-    words = sys.argv[1:] if arguments is None else arguments
-    if given.picture is not None:
-        # Told before a long computation, not after it.
-        folder = given.picture.resolve().parent
-        if given.picture.is_dir() or not os.access(folder, os.W_OK):
-            raise ValueError(f'--picture {given.picture} cannot be written')
-        if given.picture.suffix not in PICTURES:
-            raise ValueError(f'--picture {given.picture} does not end in one of '
-                             f'{" ".join(PICTURES)}')
-    return Run(parser.prog, shlex.join(['ros2', 'run', PACKAGE, parser.prog, *words]),
-               given.output or Path(output), given.resume, given.cluster, given.threads,
-               given.picture)

@@ -124,4 +124,4 @@ def _key(view: View) -> Key:
 
 def _random(view: View, count: int) -> np.ndarray:
     # From the whole plane, so that panning and zooming do not change what is known.
-    return Plane(view.displacement).random_starts(view.parameters, count, SEED)
+    return Plane(view.displacement).draw(view.parameters, count, SEED)

@@ -21,8 +21,9 @@ from .page import FIRST_POINT, first_view, Page, Shared
 from .simulator_link import SimulatorLink
 from .trajectory import follow
 from .view import EXPONENTS, View
-from ..cli.options import number, Parser
-from ..cli.progress import telling_of_compilation
+from ..cli.compilation import reporting_compilation
+from ..cli.options import number
+from ..cli.refusal import Parser
 
 NAME = 'explorer'
 ADDRESS = '127.0.0.1'
@@ -79,7 +80,7 @@ def serve(given: argparse.Namespace) -> int:
               file=sys.stderr)
         return 2
     # Whoever opens the page does not wait for kernels.
-    with telling_of_compilation(NAME, sys.stderr):
+    with reporting_compilation(NAME, sys.stderr):
         for _ in itertools.islice(pictures(
                 dataclasses.replace(view, kind=EXPONENTS), Catalogues(), lambda: None), 1):
             pass

@@ -1,33 +1,36 @@
 """Pictures of crises: lifetimes against alpha, and the law."""
 
+from typing import TYPE_CHECKING
+
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 import numpy as np
 
-from .style import add_axes, new_figure, thousands
-from ..palette import GREY, hue
-from ..store.store import Store
-from ..studies.crisis import PAPER
+from .style import add_axes, Looks, new_figure, thousands
+from ..palette import GREY
+
+if TYPE_CHECKING:
+    import xarray
 
 WIDTH, HEIGHT = 900, 640
 
 
-def draw_law(store: Store) -> Figure:
+def draw_law(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw mean lifetimes against the distance from the crisis, with the law."""
-    a = store.attributes
-    alphas, rates = store.read_all('alpha')[1:], store.read_all('escape_rate')[1:]
-    errors = store.read_all('escape_rate_error')[1:]
+    a = dataset.attrs
+    alphas, rates = dataset['alpha'].values[1:], dataset['escape_rate'].values[1:]
+    errors = dataset['escape_rate_error'].values[1:]
     some = rates > 0.0
     beyond = alphas - a['tangency_alpha']
-    figure = new_figure(WIDTH, HEIGHT)
+    figure = new_figure(WIDTH, HEIGHT, looks)
     axes = add_axes(figure, 130, 80, WIDTH - 170, HEIGHT - 150)
     axes.errorbar(beyond[some], 1.0 / rates[some], yerr=(errors / rates**2)[some], fmt='o',
-                  color=hue(0), markersize=5, capsize=3, label='mean lifetime from escapes over '
-                  'impacts at risk, ± standard error')
+                  color=looks.hue(0), markersize=5, capsize=3,
+                  label='mean lifetime from escapes over impacts at risk, ± standard error')
     x = np.geomspace(0.7 * beyond[0], 1.4 * beyond[-1], 200)
     shifted = x + a['tangency_alpha'] - a['law_alpha_c']
     axes.plot(x[shifted > 0], 1.0 / (a['law_scale'] * shifted[shifted > 0]**a['law_exponent']),
-              color=hue(1), label=f'law with alpha_c = {a["law_alpha_c"]:.7f} ± '
+              color=looks.hue(1), label=f'law with alpha_c = {a["law_alpha_c"]:.7f} ± '
               f'{a["law_alpha_c_error"]:.1g} and exponent {a["law_exponent"]:.2f} ± '
               f'{a["law_exponent_error"]:.2f}, all fitted')
     # Anchored at the middle of the rates.
@@ -42,7 +45,8 @@ def draw_law(store: Store) -> Figure:
     axes.grid(which='both', color='#e8e8e8', linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(loc='lower left', fontsize=10, framealpha=0.95)
-    figure.text(0.144, 0.955, 'Lifetimes diverge at the boundary crisis', fontsize=13)
-    figure.text(0.144, 0.915, f'the paper prints alpha_c = {PAPER}, which lies '
-                f'{a["tangency_alpha"] - PAPER:.4f} below', fontsize=10, color=GREY)
+    figure.text(0.144, 0.955, looks.title or 'Lifetimes diverge at the boundary crisis',
+                fontsize=13)
+    figure.text(0.144, 0.915, f'the paper prints alpha_c = {a["paper_alpha"]}, which lies '
+                f'{a["tangency_alpha"] - a["paper_alpha"]:.4f} below', fontsize=10, color=GREY)
     return figure

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 import math
-from typing import Final
+from typing import Final, TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,13 +10,15 @@ from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
-from .style import add_axes, equalise, new_figure, shade, VELOCITY_LABEL, widened
+from .style import add_axes, equalise, Looks, new_figure, shade, VELOCITY_LABEL, widened
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
-from ..palette import GREY, hue
-from ..store.store import Store
+from ..palette import GREY
 from ..studies.diagram import KINDS
+
+if TYPE_CHECKING:
+    import xarray
 
 # Margins of a picture [pixels].
 LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
@@ -30,19 +32,19 @@ LEGEND_MOST: Final = 5
 RARE: Final = 0.02
 
 
-def draw_diagram(store: Store, *, sweep: str | None = None, title: str = '',
-                 exponent: bool = True, raster: bool = True) -> Figure:
+def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw an orbit diagram."""
-    sweeps = [str(name) for name in store.read_all('sweep')]
-    shown = [k for k, name in enumerate(sweeps) if sweep in (None, name)]
-    columns, bins = len(store.read_all('alpha')), len(store.read_all('velocity'))
+    exponent, raster = looks.exponent, looks.raster
+    sweeps = [str(name) for name in dataset['sweep'].values]
+    shown = list(range(len(sweeps)))
+    columns, bins = len(dataset['alpha'].values), len(dataset['velocity'].values)
     width = columns * max(1, round(WIDTH / columns))
     merged = max(1, round(bins * len(shown) / TALLEST))
     height = bins // merged * max(1, round(HEIGHT * merged / bins)) if raster else 0
     below = EXPONENT_HEIGHT if exponent and raster else HEIGHT if exponent else 0
     total = TOP + BOTTOM + len(shown) * height + below + GAP * (len(shown) * raster + exponent - 1)
-    figure = new_figure(LEFT + width + RIGHT, total)
-    figure.text(LEFT / (LEFT + width + RIGHT), 1.0 - 14 / total, title or _title(store),
+    figure = new_figure(LEFT + width + RIGHT, total, looks)
+    figure.text(LEFT / (LEFT + width + RIGHT), 1.0 - 14 / total, looks.title or _title(dataset),
                 va='top', fontsize=13)
     bottom = total - TOP
     first: Axes | None = None
@@ -50,34 +52,36 @@ def draw_diagram(store: Store, *, sweep: str | None = None, title: str = '',
         for k in shown:
             bottom -= height
             axes = add_axes(figure, LEFT, bottom, width, height)
-            draw_raster(axes, store, k, merged)
+            draw_raster(axes, dataset, k, merged, looks)
             if len(shown) > 1:
                 axes.text(0.01, 0.02, {
-                    'starts': 'from many starts at each alpha', 'up': 'followed upwards in alpha',
-                    'down': 'followed downwards'}[sweeps[k]], transform=axes.transAxes, color=GREY)
+                    'starts': 'from many initial conditions at each alpha',
+                    'up': 'followed upwards in alpha', 'down': 'followed downwards',
+                }[sweeps[k]], transform=axes.transAxes, color=GREY)
             first = first or axes
             bottom -= GAP
             axes.tick_params(labelbottom=False)
     if exponent:
         axes = add_axes(figure, LEFT, bottom - below, width, below)
-        draw_exponents(axes, store, shown[0])
+        draw_exponents(axes, dataset, shown[0], looks)
         first = first or axes
     else:
         axes.tick_params(labelbottom=True)
     axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
     assert first is not None
-    _legend(first, store, shown)
+    _legend(first, dataset, shown, looks)
     return figure
 
 
-def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
+def draw_raster(axes: Axes, dataset: 'xarray.Dataset', sweep: int, merged: int, looks: Looks
+                ) -> None:
     """Draw counts of impacts, each attractor in a hue of its own."""
-    counts = store.read_all('count')[sweep]
-    alphas, velocities = store.read_all('alpha'), store.read_all('velocity')
+    counts = dataset['count'].values[sweep]
+    alphas, velocities = dataset['alpha'].values, dataset['velocity'].values
     bins = len(velocities) // merged
     picture = np.ones((bins, len(alphas), 3))
     strength = np.zeros((bins, len(alphas)))
-    for mine, colour in _coloured(store, sweep):
+    for mine, colour in _coloured(dataset, sweep, looks):
         own = np.asarray(np.sum(counts * mine[:, :, None], axis=1), np.float64)
         own = own[:, :bins * merged].reshape(len(alphas), bins, merged).sum(axis=2)
         # In steps of a tenth: what differs by rounding has one shade.
@@ -93,12 +97,12 @@ def draw_raster(axes: Axes, store: Store, sweep: int, merged: int = 1) -> None:
     axes.set_ylabel(VELOCITY_LABEL, fontsize=12)
 
 
-def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
+def draw_exponents(axes: Axes, dataset: 'xarray.Dataset', sweep: int, looks: Looks) -> None:
     """Draw the largest exponent of every attractor with its error."""
-    alphas = store.read_all('alpha')
-    exponents, errors = (store.read_all(name)[sweep] for name in ('exponent', 'exponent_error'))
+    alphas = dataset['alpha'].values
+    exponents, errors = (dataset[name].values[sweep] for name in ('exponent', 'exponent_error'))
     axes.axhline(0.0, color='black', linewidth=0.8)
-    for mine, colour in _coloured(store, sweep):
+    for mine, colour in _coloured(dataset, sweep, looks):
         line, band = (_of(mine, values) for values in (exponents, errors))
         if np.count_nonzero(np.isfinite(line)) < RARE * len(alphas):
             axes.plot(alphas, line, '.', color=colour, markersize=2)
@@ -112,40 +116,41 @@ def draw_exponents(axes: Axes, store: Store, sweep: int) -> None:
     axes.set_axisbelow(True)
 
 
-def draw_shares(store: Store) -> Figure:
+def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the shares of the attractors against alpha, with what happens to them."""
-    alphas = store.read_all('alpha')
-    shares = store.read_all('share')[0]
-    count = store.attributes['trajectories']
-    figure = new_figure(LEFT + WIDTH + RIGHT, 560)
+    alphas = dataset['alpha'].values
+    shares = dataset['share'].values[0]
+    count = dataset.attrs['trajectories']
+    figure = new_figure(LEFT + WIDTH + RIGHT, 560, looks)
     axes = add_axes(figure, LEFT, BOTTOM, WIDTH, 560 - BOTTOM - TOP)
-    for mine, colour in _coloured(store, 0):
+    for mine, colour in _coloured(dataset, 0, looks):
         share = _of(mine, shares)
         error = np.sqrt(share * (1.0 - share) / count)
         axes.fill_between(alphas, share - error, share + error, color=colour, alpha=0.25,
                           linewidth=0)
         axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
-    kinds, where = store.read_all('event_kind'), store.read_all('event_alpha')
-    of = store.read_all('event_attractor')
+    kinds, where = dataset['event_kind'].values, dataset['event_alpha'].values
+    of = dataset['event_attractor'].values
     for kind, alpha, number in zip(kinds, where, of, strict=True):
         if alphas[0] <= alpha <= alphas[-1]:
             style = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
-            axes.axvline(alpha, color=hue(int(number)), linestyle=style, linewidth=1.0)
+            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=style, linewidth=1.0)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
     axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
-    figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, 'Shares of the attractors; lines: '
-                'fold (solid), doubling (dotted), crisis (dashed), others (dash-dotted)', va='top',
-                fontsize=13)
-    _legend(axes, store, [0])
+    figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, looks.title or
+                'Shares of the attractors; lines: fold (solid), doubling (dotted), crisis '
+                '(dashed), others (dash-dotted)', va='top', fontsize=13)
+    _legend(axes, dataset, [0], looks)
     return figure
 
 
-def _coloured(store: Store, sweep: int) -> Iterator[tuple[npt.NDArray[np.bool_], str]]:
+def _coloured(dataset: 'xarray.Dataset', sweep: int, looks: Looks
+              ) -> Iterator[tuple[npt.NDArray[np.bool_], str]]:
     # Where each attractor is, shape (alpha, slot), with its colour; what is unsettled last.
-    numbers, kinds = (store.read_all(name)[sweep] for name in ('attractor', 'kind'))
+    numbers, kinds = (dataset[name].values[sweep] for name in ('attractor', 'kind'))
     for number in np.unique(numbers[numbers >= 0]):
-        yield numbers == number, hue(int(number))
+        yield numbers == number, looks.hue(int(number))
     unsettled = kinds == KINDS.index(Kind.UNSETTLED.value)
     if unsettled.any():
         yield unsettled, GREY
@@ -164,14 +169,14 @@ def _extent(alphas: FloatArray, velocities: FloatArray) -> tuple[float, float, f
     return alphas[0] - a, alphas[-1] + a, velocities[0] - v, velocities[-1] + v
 
 
-def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
-    numbers = store.read_all('attractor')[shown]
+def _legend(axes: Axes, dataset: 'xarray.Dataset', shown: list[int], looks: Looks) -> None:
+    numbers = dataset['attractor'].values[shown]
     columns = numbers.shape[1]
     names = [int(n) for n in np.unique(numbers[numbers >= 0])
              if np.max(np.count_nonzero((numbers == n).any(axis=2), axis=1)) >= RARE * columns]
-    handles = [Line2D([], [], marker='s', linestyle='none', color=hue(n),
+    handles = [Line2D([], [], marker='s', linestyle='none', color=looks.hue(n),
                       label=f'attractor {n}') for n in names[:LEGEND_MOST]]
-    if np.any(store.read_all('kind')[shown] == KINDS.index(Kind.UNSETTLED.value)):
+    if np.any(dataset['kind'].values[shown] == KINDS.index(Kind.UNSETTLED.value)):
         handles.append(Line2D([], [], marker='s', linestyle='none', color=GREY,
                               label='unsettled'))
     axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
@@ -179,8 +184,8 @@ def _legend(axes: Axes, store: Store, shown: list[int]) -> None:
                 borderaxespad=0.1)
 
 
-def _title(store: Store) -> str:
-    a = store.attributes
+def _title(dataset: 'xarray.Dataset') -> str:
+    a = dataset.attrs
     return (f'{counted(a["impacts_counted"], "impact")} of '
             f'{counted(a["trajectories"], "trajectory")}; beta {a["beta"]:g}, '
             f'gamma {a["gamma"]:g}, r {a["restitution"]:g}')

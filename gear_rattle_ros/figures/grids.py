@@ -1,9 +1,9 @@
-"""Pictures of grids: basins by attractor, lifetimes on a logarithmic scale, sections."""
+"""Pictures of grids: basins by attractor, lifetimes on a logarithmic scale, attractors."""
 
+from collections.abc import Sequence
 import math
-from typing import Any, Final
+from typing import Any, Final, TYPE_CHECKING
 
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
@@ -14,99 +14,109 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .style import phase_ticks
-from ..attractors.catalogue import Attractor, Catalogue, Kind
-from ..attractors.plane import Plane
-from ..core.arrays import FloatArray
+from .style import Looks, phase_ticks, thousands
 from ..core.many.settling import UNRESOLVED
 from ..core.words import counted
-from ..palette import BLUE, colours_of, EXPONENTS, FORGOTTEN, GREY, hue, ORANGE, painted, UNSETTLED
+from ..palette import BLUE, ENDS, EXPONENTS, FORGOTTEN, GREY, ORANGE, painted, UNSETTLED
+
+if TYPE_CHECKING:
+    import xarray
 
 DPI: Final = 120
 # No picture has more cells than this along an edge: the rest is not seen anyway.
 EDGE: Final = 2000
 
 
-def draw_basins(labels: npt.NDArray[np.int64], plane: Plane, attractors: tuple[Attractor, ...],
-                title: str) -> Figure:
-    """Draw which start goes where."""
-    figure, axes = _new(title)
-    colours = colours_of(range(len(attractors)))
-    axes.imshow(painted(labels, colours), **_placed(plane))
-    names = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
+def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    """Draw which initial condition goes where."""
+    figure, axes = _new(dataset, 'Basins of attraction', looks)
+    labels = _thinned(dataset['label'])
+    names = dict(zip(dataset['attractor_label'].values.tolist(),
+                     dataset['attractor_key'].values.tolist(), strict=True))
+    names |= {UNRESOLVED: 'unsettled'}
+    colours = ENDS | {label: looks.hue(label) for label in names if label >= 0}
+    axes.imshow(painted(labels, colours), **_placed(dataset))
     patches = [Patch(color=colours[label], label=f'{label}  {name}  {_share(labels == label)}')
                for label, name in names.items() if np.any(labels == label)]
     figure.legend(handles=patches[:16], loc='outside lower center', ncols=2, frameon=False)
-    _label(axes, plane)
+    _label(axes, dataset.attrs['phase_window'])
     return figure
 
 
-def draw_lifetimes(lifetimes: npt.NDArray[np.int64], censored: npt.NDArray[np.bool_],
-                   plane: Plane, cap: int, title: str, *, grey: bool = False) -> Figure:
-    """Draw how long every start takes to settle; grey as in the paper: linear, long is black."""
-    figure, axes = _new(title)
-    norm = Normalize(0, cap) if grey else LogNorm(1, max(cap, 2))
-    shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not grey))
-    colours = colormaps['gray_r' if grey else 'inferno'].with_extremes(bad=UNSETTLED)
-    drawn = axes.imshow(shown, cmap=colours, norm=norm, **_placed(plane))
+def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    """Draw how long every initial condition takes; as in the paper: linear, long is black."""
+    figure, axes = _new(dataset, 'Lifetimes', looks)
+    cap, paper = dataset.attrs['cap'], looks.is_paper
+    lifetimes = _thinned(dataset['lifetime'])
+    censored = _thinned(dataset['label']) == UNRESOLVED
+    norm = Normalize(0, cap) if paper else LogNorm(1, max(cap, 2))
+    shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper))
+    drawn = axes.imshow(shown, cmap=looks.map('inferno').with_extremes(bad=UNSETTLED), norm=norm,
+                        **_placed(dataset))
     bar = figure.colorbar(drawn, ax=axes, shrink=0.9)
     bar.set_label('lifetime of the transient [impacts]')
     if np.any(censored):
         words = f'{counted(cap, "impact")} or more  {_share(censored)}'
-        figure.legend(handles=[Patch(color='black' if grey else UNSETTLED, label=words)],
+        figure.legend(handles=[Patch(color='black' if paper else UNSETTLED, label=words)],
                       loc='outside lower center', frameon=False)
-    _label(axes, plane)
+    _label(axes, dataset.attrs['phase_window'])
     return figure
 
 
-def draw_exponents(exponents: FloatArray, plane: Plane, title: str) -> Figure:
-    """Draw how fast neighbours part (red) or meet (blue); what is not finite is dark."""
-    figure, axes = _new(title)
+def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    """Draw where neighbours diverge (red) or converge (blue); what is not finite is dark."""
+    figure, axes = _new(dataset, 'Finite-time exponents over '
+                        f'{counted(dataset.attrs["impacts"], "impact")}', looks)
+    exponents = _thinned(dataset['exponent'])
     finite = np.abs(exponents[np.isfinite(exponents)])
     reach = max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
-    colours = LinearSegmentedColormap.from_list('exponents', EXPONENTS).with_extremes(
-        bad=FORGOTTEN)
-    drawn = axes.imshow(np.ma.masked_invalid(exponents), cmap=colours,
-                        norm=Normalize(-reach, reach), **_placed(plane))
+    colours = looks.map('') if looks.colours else LinearSegmentedColormap.from_list(
+        'exponents', EXPONENTS)
+    drawn = axes.imshow(np.ma.masked_invalid(exponents),
+                        cmap=colours.with_extremes(bad=FORGOTTEN),
+                        norm=Normalize(-reach, reach), **_placed(dataset))
     figure.colorbar(drawn, ax=axes, shrink=0.9, extend='both').set_label(
         'finite-time exponent per impact [1]')
-    _label(axes, plane)
+    _label(axes, dataset.attrs['phase_window'])
     return figure
 
 
-def draw_section(catalogue: Catalogue) -> Figure:
+def draw_attractors(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the attractors on the section."""
-    figure, axes = _new(f'Attractors on the section, {in_words(catalogue)}')
-    for each in catalogue.attractors:
-        points = each.points()
-        if len(points):
-            # A chaotic attractor is a thin line.
-            axes.scatter(points[:, 1], points[:, 2], s=3.0 if each.kind is Kind.CHAOTIC else 40.0,
-                         color=hue(each.label), linewidths=0,
-                         label=f'{each.label}  {each.key}  {100.0 * each.share:.1f} %')
+    figure, axes = _new(dataset, 'Attractors on the section', looks)
+    for label, key, share in zip(*(dataset[f'attractor_{name}'].values
+                                   for name in ('label', 'key', 'share')), strict=True):
+        # A chaotic attractor is a thin line.
+        for name, size in (('point', 40.0), ('box', 3.0)):
+            mine = dataset[f'{name}_label'].values == label
+            if mine.any():
+                axes.scatter(dataset[f'{name}_phase'].values[mine],
+                             dataset[f'{name}_velocity'].values[mine], s=size, linewidths=0,
+                             color=looks.hue(int(label)),
+                             label=f'{label}  {key}  {100.0 * share:.1f} %')
     axes.axhline(0.0, color=GREY, linewidth=0.6)
-    axes.set_xlim(0.0, 2.0 * math.pi)
     legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
     for handle in legend.legend_handles:
         if isinstance(handle, PathCollection):
             handle.set_sizes([60.0])
-    _label(axes, None)
+    _label(axes, (0.0, 2.0 * math.pi))
     axes.set_ylabel("velocity before the impact s' [1]; upper wall above 0, lower below")
     return figure
 
 
-def draw_survival(times: FloatArray, survival: FloatArray,
-                  begin: float, rate: float, title: str) -> Figure:
-    """Draw how many starts are still in their transient."""
-    figure, axes = _new(title)
+def draw_survival(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    """Draw how many initial conditions are still transient."""
+    figure, axes = _new(dataset, 'Survival', looks)
+    times, survival = dataset['edge'].values, dataset['survival'].values
+    begin, rate = (float(dataset.attrs[f'escape_{name}']) for name in ('begin', 'rate'))
     axes.plot(times, survival, color=BLUE, label='share still transient')
     if rate > 0.0 and np.isfinite(rate):
         tail = times[times >= begin]
         at_begin = float(np.interp(begin, times, survival))
         axes.plot(tail, at_begin * np.exp(-rate * (tail - begin)), color=ORANGE,
                   linestyle='--', label=f'exponential tail, 1/rate = {1.0 / rate:,.0f} impacts')
-    axes.set(xlabel='impacts', ylabel='share of the starts', yscale='log')
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,.0f}'))
+    axes.set(xlabel='impacts', ylabel='share of the initial conditions', yscale='log')
+    axes.xaxis.set_major_formatter(FuncFormatter(thousands))
     percent = FuncFormatter(lambda value, _: f'{100.0 * value:g} %')
     axes.yaxis.set_major_formatter(percent)
     axes.yaxis.set_minor_formatter(percent)
@@ -114,34 +124,31 @@ def draw_survival(times: FloatArray, survival: FloatArray,
     return figure
 
 
-def in_words(catalogue: Catalogue) -> str:
-    """Name the parameters."""
-    model = catalogue.parameters
-    return (f'alpha {model.alpha:g}, beta {model.beta:g}, gamma {model.gamma:g}, '
-            f'r {model.restitution:g}')
-
-
-def thinned(plane: Plane) -> dict[str, int]:
-    """Return which cells are drawn: every so many along velocity and phase."""
-    return {'velocity': -(-plane.velocities // EDGE), 'phase': -(-plane.phases // EDGE)}
-
-
-def _new(title: str) -> tuple[Figure, Axes]:
-    figure = Figure((9.0, 8.0), dpi=DPI, layout='constrained')
+def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, Axes]:
+    a = dataset.attrs
+    figure = Figure((9.0, 8.0), dpi=looks.dpi or DPI, layout='constrained')
     FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=12)
+    plane = f', s = {a["displacement"]:g}' if 'size' in a else ''
+    figure.suptitle(looks.title or f'{title}, alpha {a["alpha"]:g}, beta {a["beta"]:g}, gamma '
+                    f'{a["gamma"]:g}, r {a["restitution"]:g}{plane}', fontsize=12)
     return figure, figure.subplots()
 
 
-def _placed(plane: Plane) -> dict[str, Any]:
+def _thinned(grid: 'xarray.DataArray') -> npt.NDArray[Any]:
+    # So many cells as can be seen.
+    every = tuple(slice(None, None, -(-length // EDGE)) for length in grid.shape)
+    return np.asarray(grid[every].values)
+
+
+def _placed(dataset: 'xarray.Dataset') -> dict[str, Any]:
+    a = dataset.attrs
     return {'origin': 'lower', 'aspect': 'auto', 'interpolation': 'nearest',
-            'extent': (*plane.phase, *plane.velocity)}
+            'extent': (*a['phase_window'], *a['velocity_window'])}
 
 
-def _label(axes: Axes, plane: Plane | None) -> None:
-    window = (0.0, 2.0 * math.pi) if plane is None else plane.phase
+def _label(axes: Axes, window: Sequence[float]) -> None:
     axes.set_ylabel('velocity [1]', fontsize=12)
-    phase_ticks(axes, window)
+    phase_ticks(axes, (window[0], window[1]))
     axes.set_xlim(*window)
 
 

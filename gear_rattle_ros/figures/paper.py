@@ -2,28 +2,20 @@
 The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
 
 A recipe is a YAML file: the figure's name and title, what the paper's figure shows and how far
-that is known, the command that makes ours, and what was found. The command is one of the offline
-tools; it runs in this process, and what it prints is kept for the page.
+that is known, the command that makes ours, and what was found. What the command prints is kept for
+the page.
 """
 
-import contextlib
 import dataclasses
 import html
-import importlib
-import io
 import json
 from pathlib import Path
 import re
 import shlex
 import textwrap
-import time
 from typing import Final
 
-from ..cli.refusal import attempt, INTERRUPTED, Parser
-from ..cli.run import PACKAGE
-from ..places import config_folder
 from ..plain_yaml import read_yaml
-from ..store.making import versions
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
 AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',
@@ -95,36 +87,14 @@ def _recipe(path: Path) -> Recipe:
     return Recipe(command=command, **values)
 
 
-def make(recipe: Recipe, folder: Path) -> int:
-    """Make a figure; returns the exit status of the tool."""
-    (folder / 'data').mkdir(parents=True, exist_ok=True)
-    words = recipe.words(folder)
-    tool = importlib.import_module(f'.{words[0]}', __package__)
-    printed = io.StringIO()
-    begin = time.monotonic()
-    with contextlib.redirect_stdout(printed):
-        status = int(tool.main(words[1:]) or 0)
-    if status == 0:
-        command, seconds = shlex.join(['ros2', 'run', PACKAGE, *words]), time.monotonic() - begin
-        path = _record(recipe, folder)
-        before = json.loads(path.read_text(encoding='utf-8')) if path.exists() else {}
-        if before.get('command') == command:
-            # It went on with the store of an earlier run.
-            seconds += before['seconds']
-        path.write_text(json.dumps({
-            'command': command, 'printed': printed.getvalue(), 'seconds': round(seconds, 1),
-            'versions': versions()}, indent=1), encoding='utf-8')
-    return status
-
-
 def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
     """Write the page that shows all figures made so far and compares them with the paper's."""
     parts = []
     for recipe in recipes.values():
         picture = folder / f'figure-{recipe.figure}.png'
-        if not _record(recipe, folder).exists() or not picture.exists():
+        if not record_of(recipe, folder).exists() or not picture.exists():
             continue
-        record = json.loads(_record(recipe, folder).read_text(encoding='utf-8'))
+        record = json.loads(record_of(recipe, folder).read_text(encoding='utf-8'))
         e = html.escape
         parts.append(
             f'<section id="f{e(recipe.figure)}">'
@@ -148,9 +118,9 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
     parts = [HEAD.format(page=page)]
     for recipe in recipes.values():
         picture = folder / f'figure-{recipe.figure}.png'
-        if not _record(recipe, folder).exists() or not picture.exists():
+        if not record_of(recipe, folder).exists() or not picture.exists():
             raise ValueError(f'{picture} has not been made; run: figures {recipe.figure}')
-        record = json.loads(_record(recipe, folder).read_text(encoding='utf-8'))
+        record = json.loads(record_of(recipe, folder).read_text(encoding='utf-8'))
         small.mkdir(parents=True, exist_ok=True)
         shrink(picture, small / picture.name)
         printed = [line.rstrip() for line in record['printed'].strip('\n').splitlines()
@@ -209,42 +179,5 @@ and -0.5 in figure 10.</p>
 """
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command `figures [NUMBER ...]`."""
-    return attempt('figures', lambda: _run(arguments))
-
-
-def _run(arguments: list[str] | None) -> int:
-    parser = Parser('figures', description='Redraw the figures of de Souza & Caldas, with a page '
-                    'that compares them.')
-    parser.add_argument('figures', nargs='*', metavar='NUMBER', help='such as 3 or 8a; all by '
-                        'default')
-    parser.add_argument('--output', type=Path, default=Path('figures'), metavar='DIR',
-                        help='folder of pictures, data and index.html; figures by default')
-    parser.add_argument('--recipes', type=Path, metavar='DIR',
-                        help='folder of recipes; those of the package by default')
-    parser.add_argument('--page', type=Path, metavar='FILE.md',
-                        help='write all as a page of the documents too, with smaller pictures')
-    given = parser.parse_args(arguments)
-    recipes = load_recipes(given.recipes or config_folder('figures'))
-    chosen = given.figures or list(recipes)
-    for name in chosen:
-        if name not in recipes:
-            raise ValueError(f'no figure {name}; there are {", ".join(recipes)}')
-    for number, name in enumerate(chosen, 1):
-        print(f'figures: {name}, {recipes[name].title} ({number} of {len(chosen)}) ...',
-              flush=True)
-        try:
-            status = make(recipes[name], given.output)
-        except KeyboardInterrupt:
-            status = INTERRUPTED
-        if status:
-            return status
-    print(f'figures: {write_index(recipes, given.output)}')
-    if given.page is not None:
-        print(f'figures: {write_page(recipes, given.output, given.page)}')
-    return 0
-
-
-def _record(recipe: Recipe, folder: Path) -> Path:
+def record_of(recipe: Recipe, folder: Path) -> Path:
     return folder / 'data' / f'figure-{recipe.figure}{RECORD}'

@@ -1,12 +1,15 @@
 """How figures look: colours, axes that match pixels, ticks in pi."""
 
+import dataclasses
 import functools
 import math
 from pathlib import Path
 from typing import Final
 
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Colormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 import numpy as np
@@ -14,8 +17,11 @@ import numpy.typing as npt
 from PIL import Image
 
 from ..core.arrays import FloatArray
+from ..palette import hue
 
 DPI: Final = 100
+# Basins in the greys of the paper: light and black first.
+PAPER: Final = ('#bfbfbf', '#000000', '#7f7f7f', '#dfdfdf', '#3f3f3f')
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.
 HALO: Final = 0.45
@@ -28,9 +34,52 @@ VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
 
-def new_figure(width: int, height: int) -> Figure:
-    """Make an empty figure of a size in pixels."""
-    figure = Figure((width / DPI, height / DPI), dpi=DPI, facecolor='white')
+@dataclasses.dataclass(frozen=True)
+class Looks:
+    """
+    How a picture looks, where that is not as usual.
+
+    `colours` names a colour map of matplotlib, or is 'paper': the greys of the paper. An orbit
+    diagram has a `raster` of velocities and the `exponent`.
+    """
+
+    title: str | None = None
+    dpi: float | None = None
+    colours: str | None = None
+    raster: bool = True
+    exponent: bool = True
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        if self.dpi is not None and not 10.0 <= self.dpi <= 2400.0:
+            raise ValueError(f'--dpi {self.dpi:g} is not between 10 and 2400')
+        if self.colours not in (None, 'paper', *colormaps):
+            raise ValueError(f'--colours {self.colours} is no colour map of matplotlib; try '
+                             'viridis, cividis, tab10 or paper')
+
+    @property
+    def is_paper(self) -> bool:
+        """Whether the greys of the paper are asked for."""
+        return self.colours == 'paper'
+
+    def hue(self, number: int) -> str:
+        """Return the colour of an attractor, from its number on."""
+        if self.colours is None:
+            return hue(number)
+        if self.is_paper:
+            return PAPER[number % len(PAPER)]
+        colours = colormaps[self.colours]
+        return to_hex(colours(number % colours.N if colours.N < 64 else
+                              number * math.tau % 1.0))
+
+    def map(self, usual: str) -> Colormap:
+        """Return the colour map of a quantity."""
+        return colormaps['gray_r' if self.is_paper else self.colours or usual]
+
+
+def new_figure(width: int, height: int, looks: Looks) -> Figure:
+    """Make an empty figure of a size in pixels, at `DPI`."""
+    figure = Figure((width / DPI, height / DPI), dpi=looks.dpi or DPI, facecolor='white')
     FigureCanvasAgg(figure)
     return figure
 

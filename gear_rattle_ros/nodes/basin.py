@@ -359,7 +359,7 @@ def warm_up(settings: Settings) -> None:
                         is_dropped=lambda: False):
         follow((), points_of(basins.catalogue))
     chaos = Parameters(alpha=1.1)
-    find_attractors(chaos, planes[0].random_starts(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)
+    find_attractors(chaos, planes[0].draw(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)
 
 
 def main(arguments: list[str] | None = None) -> int:

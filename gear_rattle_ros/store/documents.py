@@ -26,7 +26,7 @@ DOCUMENT_MOST: Final = 1 << 26
 TILES_MOST: Final = 10_000_000
 
 
-class StoreError(Exception):
+class StoreError(ValueError):
     """A store that cannot be made, read or continued; the message is one line."""
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import platform
 import shutil
 import sys
+import tempfile
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +23,7 @@ IDENTITY: Final = 'identity'
 PACKAGE: Final = 'gear_rattle_ros'
 
 
-def make_store(path: Path, layout: Layout, command: str, *, resume: bool = False) -> Store:
+def make_store(path: Path | None, layout: Layout, command: str, *, resume: bool = False) -> Store:
     """
     Make a store, or open the one that is to be continued.
 
@@ -48,7 +49,7 @@ def make_store(path: Path, layout: Layout, command: str, *, resume: bool = False
         If there is something else, or it cannot be written.
 
     """
-    path = Path(path)
+    path = Path(tempfile.mkdtemp(), 'x.zarr') if path is None else Path(path)
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         if not resume:
             raise StoreError(f'{path} exists; add --resume to go on with it, or choose another '
@@ -92,7 +93,7 @@ def _fill(path: Path, group: Any, layout: Layout, command: str) -> None:
         **layout.attributes,
         IDENTITY: json.dumps(layout.identity, sort_keys=True),
         'command': command,
-        'created': datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
+        'created': datetime.datetime.now(datetime.UTC).isoformat(timespec='seconds'),
         'versions': json.dumps(versions()),
     })
     sizes = {axis.name: len(axis.values) for axis in layout.axes}

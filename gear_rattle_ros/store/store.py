@@ -232,6 +232,10 @@ class Store:
         set_attributes(self._group, attributes)
         consolidate(self.path)
 
+    def dataset(self) -> 'xarray.Dataset':
+        """Return the finished store as a dataset."""
+        return open_dataset(self.path)
+
     def repair(self, layout: Layout) -> list[str]:
         """
         Take back the marks of tiles that are not as they were written; write such axes anew.

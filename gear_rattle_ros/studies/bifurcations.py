@@ -11,7 +11,7 @@ import numpy.typing as npt
 from .diagram import Diagram, KINDS
 from .endings import End, Escape, find_end, Herd, spread_out, watch
 from ..attractors.catalogue import Kind
-from ..attractors.plane import make_starts
+from ..attractors.plane import make_initial_conditions
 from ..core.many.recorded import record_impacts
 from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_orbit, Orbit, same_orbit
@@ -249,7 +249,7 @@ def orbit_in(diagram: Diagram, store: Store, column: int, slot: int) -> Orbit | 
     parameters = diagram.at(column)
     state = _read(diagram, store, 'member_state')[column, slot]
     period = int(_read(diagram, store, 'period_impacts')[column, slot])
-    rows, _ = record_impacts(make_starts(parameters, *state[:, None]), 0, period)
+    rows, _ = record_impacts(make_initial_conditions(parameters, *state[:, None]), 0, period)
     walls = np.signbit(rows[0]['velocity']).astype(np.int64)
     points = np.stack([rows[0]['phase'], rows[0]['velocity']], axis=1)
     orbit = close_orbit(walls, points, parameters)

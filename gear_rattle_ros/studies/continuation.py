@@ -1,78 +1,80 @@
 """Attractors and their shares followed across alpha; where each is born, doubles and ends."""
 
-import argparse
-import sys
-from typing import Any, Final
+from typing import Any, Final, TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from .bifurcations import Event, events_of, HEADING, searches_of
 from .diagram import Diagram
 from .orbit_diagram import compute
+from .work import Work, WorkOptions
 from ..attractors.columns import Window
-from ..cli.options import (
-    add_alpha_window,
-    add_plane,
-    add_seed,
-    model_of,
-    number,
-    Parser,
-    plane_of,
-    whole,
-)
-from ..cli.progress import Progress
-from ..cli.run import Figure, Run, run_tool
-from ..core.many.velocity_counts import BLOCKS
+from ..attractors.plane import Plane
+from ..core.defaults import HOLD, SEED
+from ..core.model import Parameters
 from ..store.store import Store
 
+if TYPE_CHECKING:
+    import xarray
+
+NAME: Final = 'continuation'
 # Of the velocities by which attractors are matched from alpha to alpha.
 BINS: Final = 1200
 
 
-def locate(diagram: Diagram, store: Store, tolerance: float, hold: int) -> list[Event]:
+def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
+                 plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
+                 keep: int = 512, hold: int = HOLD, tolerance: float = 1e-7, seed: int = SEED,
+                 **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
     """
-    Locate what happens to the attractors; tell of it, and how it goes.
+    Follow attractors and their shares across alpha; locate where they are born, double and end.
 
     Parameters
     ----------
-    diagram : Diagram
-        The diagram.
-    store : Store
-        Complete.
-    tolerance : float
-        In alpha [1].
+    parameters : Parameters
+        The model, but for alpha.
+    alphas : tuple of float
+        Window of the amplitude [1].
+    plane : Plane, optional
+        The window from which initial conditions are drawn.
+    columns, trajectories : int
+        Amplitudes, and trajectories at each.
+    keep : int
+        Impacts of each that are looked at.
     hold : int
         A chaotic attractor lasts where trajectories stay for so many impacts.
+    tolerance : float
+        Of the ends of chaotic attractors, in alpha [1].
+    seed : int
+        Of the initial conditions.
+    **options
+        As `Work` explains them.
 
     Returns
     -------
-    list of Event
-        All of it.
+    xarray.Dataset
+        What `orbit_diagram` has, and the events.
 
     """
-    progress = Progress('continuation, searches for events',
-                        searches_of(diagram, store), sys.stderr)
-
-    try:
+    if not 1e-12 <= tolerance <= 1e-2:
+        raise ValueError(f'--tolerance {tolerance:g} is not between 1e-12 and 1e-2')
+    work = Work(**options)
+    diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
+                      Window(keep, bins=BINS, hold=hold), ('starts',))
+    store = compute(diagram, work, NAME)
+    with work.report('continuation, searches for events', searches_of(diagram, store)) as progress:
         events = events_of(diagram, store, tolerance, hold, progress.add)
-    finally:
-        progress.end()
-    print('\n'.join([HEADING, *(event.describe() for event in events)]), flush=True)
-    return events
+    write_events(store, events)
+    return store.dataset()
+
+
+def describe(dataset: 'xarray.Dataset') -> str:
+    """List the events of a dataset."""
+    return str(dataset.attrs['events'])
 
 
 def write_events(store: Store, events: list[Event]) -> None:
-    """
-    Write events as a table.
-
-    Parameters
-    ----------
-    store : Store
-        Receives them.
-    events : list of Event
-        The events.
-
-    """
+    """Write events as a table."""
     one = {'units': '1'}
     columns: dict[str, tuple[Any, dict[str, str]]] = {
         'event_attractor': (np.array([e.attractor for e in events], np.int32), {
@@ -94,58 +96,5 @@ def write_events(store: Store, events: list[Event]) -> None:
             'long_name': 'critical multiplier, real part', **one})}
     store.write_table({name: (('event',), values, attributes)
                        for name, (values, attributes) in columns.items()})
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """
-    Run the command `continuation`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Without the program's name; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status.
-
-    """
-    parser = Parser('continuation', description='Follow attractors and their shares across alpha; '
-                    'locate where they are born, double and end.')
-    add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
-    parser.add_argument('--columns', type=whole(2), default=131, metavar='N',
-                        help='amplitudes; 131 by default')
-    parser.add_argument('--trajectories', type=whole(1), default=256, metavar='N',
-                        help='at each alpha; 256 by default')
-    parser.add_argument('--skip', type=whole(1), default=4000, metavar='N',
-                        help='impacts passed over at least where nothing settles; 4000 by default')
-    parser.add_argument('--keep', type=whole(BLOCKS), default=512, metavar='N',
-                        help='impacts looked at then; 512 by default')
-    parser.add_argument('--tolerance', type=number, default=1e-7, metavar='X',
-                        help='of the ends of chaotic attractors, in alpha [1]; 1e-7 by default')
-    parser.add_argument('--hold', type=whole(256), default=100_000, metavar='N',
-                        help='a chaotic attractor lasts where trajectories stay for so many '
-                        'impacts; 100000 by default')
-    add_plane(parser, size=None)
-    add_seed(parser)
-
-    def work(given: argparse.Namespace, run: Run) -> int:
-        if not 1e-12 <= given.tolerance <= 1e-2:
-            raise ValueError(f'--tolerance {given.tolerance:g} is not between 1e-12 and 1e-2')
-        diagram = Diagram(
-            model_of(given), (given.alpha[0], given.alpha[1]), given.columns, plane_of(given),
-            given.trajectories, given.seed,
-            Window(given.keep, bins=BINS, hold=max(given.hold, given.skip)),
-            ('starts',))
-        store = compute(diagram, run)
-        write_events(store, locate(diagram, store, given.tolerance, given.hold))
-
-        def draw() -> Figure:
-            # Only here: matplotlib takes a second to import.
-            from ..figures.diagrams import draw_shares
-            return draw_shares(store)
-
-        return run.finish(draw)
-
-    return run_tool(parser, arguments, 'continuation.zarr', work)
+    store.set_attributes({'tool': NAME, 'events': '\n'.join(
+        [HEADING, *(event.describe() for event in events)])})

@@ -64,9 +64,9 @@ class Diagram:
         """Amplitudes [1]."""
         return np.linspace(*self.alphas, self.columns)
 
-    def starts(self, column: int) -> npt.NDArray[np.void]:
+    def draw(self, column: int) -> npt.NDArray[np.void]:
         """Draw the initial conditions of a column, which has a seed of its own."""
-        return self.plane.random_starts(self.at(column), self.trajectories,
+        return self.plane.draw(self.at(column), self.trajectories,
                                         self.seed * 1_000_003 + column)
 
     def at(self, column: int) -> Parameters:
@@ -85,7 +85,7 @@ def layout_of(diagram: Diagram) -> Layout:
         'alpha_window': list(diagram.alphas), 'columns': diagram.columns,
         'trajectories': diagram.trajectories, 'seed': diagram.seed,
         'displacement': diagram.plane.displacement, 'phase_window': list(diagram.plane.phase),
-        'start_velocity_window': list(diagram.plane.velocity),
+        'initial_velocity_window': list(diagram.plane.velocity),
         'hold': window.hold, 'impacts_counted': window.keep,
         'velocity_window': [window.low, window.high], 'bins': window.bins,
         'sweeps': list(diagram.sweeps)}

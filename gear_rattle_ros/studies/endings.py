@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .escape_rates import fit_law
-from ..attractors.plane import make_starts
+from ..attractors.plane import make_initial_conditions
 from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
@@ -138,7 +138,7 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
 
     """
     phase, displacement, velocity = state
-    return make_starts(parameters, phase, displacement,
+    return make_initial_conditions(parameters, phase, displacement,
                        velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
 
 
@@ -361,7 +361,7 @@ def _at(herd: Herd, alpha: float) -> Parameters:
 def _go_on(parameters: Parameters, states: RecordArray
            ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | None]]]:
     # States after a round, its last impacts, and who is at rest (None) or on a stable orbit.
-    starts = make_starts(parameters, *(states[name] for name in (
+    starts = make_initial_conditions(parameters, *(states[name] for name in (
         'phase', 'displacement', 'velocity')))
     rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
     last = rows[:, -1]

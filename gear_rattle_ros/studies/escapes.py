@@ -3,15 +3,16 @@
 import dataclasses
 import functools
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from .tangency import Tangency
+from .work import Work
 from ..attractors.engine import run_tiles
 from ..attractors.finding import find_attractors
-from ..attractors.plane import make_starts, Plane
-from ..cli.run import Run
+from ..attractors.plane import make_initial_conditions, Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.flight.lanes_step import LANES
@@ -25,11 +26,11 @@ from ..core.many.escape import (
 )
 from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
-from ..store.making import make_store
 from ..store.store import Store
 
 # A trajectory that has settled on another stable orbit will never escape: it says nothing.
 ELSEWHERE: Final = 2
+IntArray: TypeAlias = npt.NDArray[np.signedinteger]
 # Impacts for which a survivor is looked at.
 SURVIVED_LOOK: Final = 1000
 # Escapes at an amplitude are counted in so many independent parts, a tile each.
@@ -61,8 +62,8 @@ class Escapes:
     radius: float
 
     @property
-    def starts(self) -> int:
-        """Count the starts of a part: so many that all lanes are in use to the last escape."""
+    def trajectories(self) -> int:
+        """Count the trajectories of a part: all lanes are in use to the last escape."""
         return 2 * self.wanted_of_part + LANES
 
     @property
@@ -78,8 +79,8 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
         (Axis('alpha', np.array(escapes.alphas), {
             'long_name': 'amplitude of the drive', 'units': '1'}, 1),
          Axis('part', np.arange(PARTS), {'long_name': 'independent part'}, 1),
-         Axis('trajectory', np.arange(escapes.starts), {
-             'long_name': 'number of the start'})),
+         Axis('trajectory', np.arange(escapes.trajectories), {
+             'long_name': 'number of the initial condition'})),
         (Variable('lifetime', ('alpha', 'part', 'trajectory'), '<i8', {
             'long_name': 'impacts before the capture, or before it was given up',
             'units': 'impacts'}),
@@ -90,7 +91,7 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
          'alphas': list(escapes.alphas), 'escapes_wanted': escapes.wanted,
          'seed': escapes.seed, 'displacement': escapes.plane.displacement,
          'phase_window': list(escapes.plane.phase),
-         'start_velocity_window': list(escapes.plane.velocity),
+         'initial_velocity_window': list(escapes.plane.velocity),
          'impacts_skipped': escapes.skip, 'impacts_limit': escapes.limit,
          'impacts_limit_before': escapes.limit_before,
          'capture_radius': escapes.radius},
@@ -107,8 +108,8 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     """Time the escapes of one part at one alpha into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
-    starts = escapes.plane.random_starts(parameters, escapes.starts,
-                                         escapes.seed * 1_000_003 + part)
+    starts = escapes.plane.draw(parameters, escapes.trajectories,
+                                escapes.seed * 1_000_003 + part)
     lifetimes, fates = np.zeros(len(starts), np.int64), np.zeros(len(starts), np.int64)
     ends = np.zeros((len(starts), 3))
     last_until_captured(
@@ -118,7 +119,7 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     survivors = np.flatnonzero(fates == SURVIVED)
     if len(survivors):
         states = ends[survivors]
-        again = make_starts(parameters, states[:, 0], states[:, 1], states[:, 2])
+        again = make_initial_conditions(parameters, states[:, 0], states[:, 1], states[:, 2])
         settled = find_attractors(parameters, again, hold=SURVIVED_LOOK, chaotic=False).labels
         fates[survivors[settled >= 0]] = ELSEWHERE
     Store(output).write(tile, {'lifetime': lifetimes[None, None],
@@ -126,34 +127,29 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     return int(lifetimes.sum())
 
 
-def rates_of(store: Store) -> list[EscapeRate]:
-    """Estimate the escape rate at each alpha of a complete store."""
-    skip = float(store.attributes['impacts_skipped'])
+def rates_of(lifetimes_of: IntArray, fates_of: IntArray, skip: int) -> list[EscapeRate]:
+    """Estimate the escape rate at each alpha, from what is stored there."""
     rates = []
-    for lifetimes, fates in zip(store.read_all('lifetime'), store.read_all('fate'), strict=True):
+    for lifetimes, fates in zip(lifetimes_of, fates_of, strict=True):
         counted = (fates == CAPTURED) | (fates == SURVIVED)
         rates.append(escape_rate(lifetimes[counted], fates[counted] != CAPTURED, skip))
     return rates
 
 
-def compute(escapes: Escapes, tangency: Tangency, run: Run) -> Store:
+def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:
     """Time the escapes and return the complete store."""
-    store = make_store(run.output, layout_of(escapes, tangency), run.command, resume=run.resume)
+    store = work.open(layout_of(escapes, tangency))
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
     distances = np.abs(np.array(escapes.alphas) - tangency.alpha)
     weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)
     pending = store.pending()
-    progress = run.progress(int(weights.sum()))
-    progress.skip(int(weights.sum() - weights[pending].sum()))
+    with work.report('crisis', int(weights.sum())) as progress:
+        progress.skip(int(weights.sum() - weights[pending].sum()))
 
-    def finished(tile: int, impacts: int) -> None:
-        store.mark(tile)
-        progress.add(int(weights[tile]), impacts)
+        def finished(tile: int, impacts: int) -> None:
+            store.mark(tile)
+            progress.add(int(weights[tile]), impacts)
 
-    settings: dict[str, Any] = {'cluster': run.cluster, 'threads': run.threads}
-    try:
-        run_tiles(functools.partial(time_escapes, escapes, run.output), pending, finished,
-                  **settings)
-    finally:
-        progress.end()
+        run_tiles(functools.partial(time_escapes, escapes, store.path), pending, finished,
+                  cluster=work.cluster, threads=work.threads)
     return store

@@ -1,34 +1,38 @@
-"""The tool `lifetimes`: how long transients last before an orbit or rest ends them."""
+"""How long transients last before an orbit or rest ends them."""
 
-import argparse
 from collections.abc import Iterable, Iterator
 import dataclasses
 import math
-from typing import Final, TypeAlias
+from typing import Any, Final, TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from .basins import add_settings, compute_basins, Settings, settings_of
-from .tiles import GRIDS
-from ..attractors.catalogue import Catalogue, follow_here
+from .attractors import describe as describe_attractors
+from .basins import compute_basins, Settings
+from .grid import GRIDS
+from .work import Work, WorkOptions
+from ..attractors.catalogue import follow_here
 from ..attractors.plane import Plane
-from ..cli import options, run as cli
-from ..cli.listing import listed
 from ..core.arrays import FloatArray
+from ..core.defaults import (
+    LIFETIMES_CAP,
+    LIFETIMES_HOLD,
+    LIFETIMES_INITIAL_CONDITIONS,
+    SEED,
+    TOLERANCE,
+)
 from ..core.many.escape import escape_rate
 from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.store import Store
 
+if TYPE_CHECKING:
+    import xarray
+
 NAME: Final = 'lifetimes'
-# As in the paper.
-CAP: Final = 5_000
 TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
-# Random starts of the search for orbits: all transients end in some.
-STARTS: Final = 256
-HOLD: Final = 20_000
 # The exponential tail begins at this share of the cap, where no other place is given.
 TAIL: Final = 0.1
 # Bins of the distribution, even in the logarithm.
@@ -42,7 +46,9 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 @dataclasses.dataclass(frozen=True)
 class Merged:
     """
-    Initial conditions from which the mass sticks: those that leave at the same phase go on as one.
+    Initial conditions from which the driven gear sticks.
+
+    Those that leave at the same phase go on as one trajectory.
 
     A row stands for all that stick after the same number of impacts and go on as the same.
 
@@ -80,14 +86,14 @@ class Escape:
     ----------
     cap : int
         Impacts after which an initial condition was given up.
-    starts, censored : int
+    initial_conditions, censored : int
         Initial conditions, and those that were given up.
     begin : int
         Lifetime from which on the tail is taken to be exponential [impacts].
     in_tail, escapes : int
         Those that are independent and live longer than `begin`, and those of them that escape.
     merged, trajectories : int
-        Initial conditions from which the mass sticks, and the trajectories as which they go on.
+        Initial conditions from which the driven gear sticks, and the trajectories that they share.
     rate, rate_error : float
         Escapes per impact of independent trajectories in the tail, and its standard error.
     mean, mean_error : float
@@ -99,7 +105,7 @@ class Escape:
     """
 
     cap: int
-    starts: int
+    initial_conditions: int
     censored: int
     begin: int
     in_tail: int
@@ -114,15 +120,16 @@ class Escape:
     def describe(self) -> str:
         """Put it in words, on a few lines."""
         lines = [
-            f'{self.censored:,} of {counted(self.starts, "initial condition")} '
-            f'({self.censored / self.starts:.2%}) live {counted(self.cap, "impact")} or longer',
+            f'{self.censored:,} of {counted(self.initial_conditions, "initial condition")} '
+            f'({self.censored / self.initial_conditions:.2%}) live '
+            f'{counted(self.cap, "impact")} or longer',
             f'tail from {counted(self.begin, "impact")}: {counted(self.escapes, "escape")}, rate '
             f'{self.rate:.4e} +- {self.rate_error:.1e} per impact',
             f'mean lifetime: {self.mean:,.1f} +- {self.mean_error:,.1f} impacts']
         if self.merged:
             shared = counted(self.trajectories, 'shared trajectory')
-            lines.insert(1, f'from {self.merged:,} of them the mass sticks and goes on along '
-                         f'{shared}, followed once and left out of the rate')
+            lines.insert(1, f'from {self.merged:,} of them the driven gear sticks and goes on '
+                         f'along {shared}, followed once and left out of the rate')
         return '\n'.join(lines)
 
 
@@ -130,30 +137,11 @@ def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged 
     """
     Estimate the mean lifetime of censored transients.
 
-    The rate is that of the independent trajectories, which go on at it beyond the cap. The few
-    that many initial conditions share do not need it: they are followed to their ends.
-
-    Parameters
-    ----------
-    counts : ndarray of int, shape (cap + 1,)
-        Independent initial conditions that were seen to escape, by their lifetime [impacts].
-    censored : int
-        Independent ones that were given up at the cap.
-    begin : int
-        Where the tail begins [impacts], less than the cap.
-    merged : Merged
-        Those that are not independent.
-
-    Returns
-    -------
-    Escape
-        The estimate.
-
-    Raises
-    ------
-    ValueError
-        If there are no initial conditions or the tail does not begin below the cap.
-
+    `counts`, shape (cap + 1,), are independent initial conditions that were seen to escape, by
+    their lifetime, `censored` those that were given up at the cap; the tail begins after `begin`
+    impacts. The rate is that of these, which go on at it beyond the cap. The few trajectories that
+    many initial conditions share do not need it: they are followed to their ends. ValueError where
+    there is nothing, or the tail does not begin below the cap.
     """
     cap = len(counts) - 1
     lived, numbers = np.append(np.arange(cap + 1), cap), np.append(counts, censored)
@@ -183,19 +171,8 @@ def distribution(counts: IntArray, censored: int
     """
     Count escapes in bins that are even in the logarithm.
 
-    Parameters
-    ----------
-    counts : ndarray of int, shape (cap + 1,)
-        Starts that were seen to escape, by their lifetime [impacts].
-    censored : int
-        Starts that were given up at the cap.
-
-    Returns
-    -------
-    tuple of ndarray
-        Edges of the bins [impacts], shape (b + 1,); escapes in (edge, next edge], shape (b,);
-        share of the starts whose lifetime is longer than each edge, shape (b + 1,).
-
+    Returns the edges of the bins [impacts], the escapes in (edge, next edge], and the share whose
+    lifetime is longer than each edge.
     """
     cap = len(counts) - 1
     edges = np.concatenate([[0.0], np.unique(np.round(np.geomspace(1, max(cap, 2), BINS)))])
@@ -204,37 +181,43 @@ def distribution(counts: IntArray, censored: int
     return edges, np.diff(below), 1.0 - below / max(int(np.sum(counts)) + censored, 1)
 
 
-def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settings: Settings,
-                      begin: int | None = None) -> tuple[Store, Catalogue, Escape]:
+def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = LIFETIMES_CAP,
+              tail: int | None = None, tolerance: float = TOLERANCE,
+              initial_conditions: int = LIFETIMES_INITIAL_CONDITIONS, seed: int = SEED,
+              hold: int = LIFETIMES_HOLD, tile: int | None = None,
+              **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
     """
-    Compute a grid of lifetimes and what follows from it into a store.
+    Find how long every cell of a plane is transient; only an orbit or rest ends a transient.
 
     Parameters
     ----------
     parameters : Parameters
-        Of the model.
-    plane : Plane
+        The model.
+    plane : Plane, optional
         The cells.
-    run : Run
-        How and where.
-    settings : Settings
-        What else decides.
-    begin : int, optional
+    cap : int
+        Impacts after which a cell is given up.
+    tail : int, optional
         Where the exponential tail begins [impacts]; a tenth of the cap by default.
+    tolerance, initial_conditions, seed, hold, tile
+        As `basins` takes them.
+    **options
+        As `Work` explains them.
 
     Returns
     -------
-    tuple
-        The store, the attractors, and the estimate.
+    xarray.Dataset
+        What `basins` has, the distribution of the lifetimes, and `Escape` as attributes.
 
     """
-    begin = int(TAIL * settings.cap) if begin is None else begin
-    if not 0 <= begin < settings.cap:
-        raise ValueError(f'--tail {begin} does not lie below the cap of '
-                         f'{counted(settings.cap, "impact")}')
-    store, catalogue = compute_basins(parameters, plane, run, settings, TITLE)
-    escaped, censored, merged = tally(parts_of(store, parameters, plane), catalogue.table,
-                                      settings.cap)
+    begin = int(TAIL * cap) if tail is None else tail
+    if not 0 <= begin < cap:
+        raise ValueError(f'--tail {begin} does not lie below the cap of {counted(cap, "impact")}')
+    plane = plane or Plane()
+    store, catalogue = compute_basins(
+        parameters, plane, Work(**options), Settings(
+            cap, tolerance, initial_conditions, seed, hold, chaotic=False, tile=tile), NAME, TITLE)
+    escaped, censored, merged = tally(parts_of(store, parameters, plane), catalogue.table, cap)
     escape = estimate_escape(escaped[0], int(censored[0]), begin, merged)
     edges, counts, survival = distribution(np.sum(escaped, axis=0), int(np.sum(censored)))
     store.write_table({
@@ -242,18 +225,32 @@ def compute_lifetimes(parameters: Parameters, plane: Plane, run: cli.Run, settin
         'escapes': (('bin',), counts, {
             'long_name': 'escapes after edge and up to the next', 'units': '1'}),
         'survival': (('edge',), survival, {
-            'long_name': 'share of the starts with a longer lifetime', 'units': '1'}),
+            'long_name': 'share of the cells with a longer lifetime', 'units': '1'}),
     })
     store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
                           for name, value in dataclasses.asdict(escape).items()})
-    return store, catalogue, escape
+    return store.dataset()
+
+
+def escape_of(dataset: 'xarray.Dataset') -> Escape:
+    """Read the estimate of a dataset."""
+    values: dict[str, Any] = {field.name: dataset.attrs[f'escape_{field.name}']
+                              for field in dataclasses.fields(Escape)}
+    values = {name: float(value) if isinstance(value, str) else value
+              for name, value in values.items()}
+    return Escape(**values)
+
+
+def describe(dataset: 'xarray.Dataset') -> str:
+    """Put lifetimes in words: the attractors, and how transients end."""
+    return f'{describe_attractors(dataset)}\n{escape_of(dataset).describe()}'
 
 
 def parts_of(store: Store, parameters: Parameters, plane: Plane
              ) -> Iterator[tuple[RecordArray, RecordArray]]:
     """Read the initial conditions of a grid and what is stored of their RESULT, tile by tile."""
     for tile, place in enumerate(store.tiles):
-        starts = plane.starts(parameters, place['velocity'], place['phase'])
+        starts = plane.cells(parameters, place['velocity'], place['phase'])
         results = np.zeros(len(starts), RESULT)
         for name in GRIDS:
             results[name] = store.read(tile, name).ravel()
@@ -301,43 +298,3 @@ def _mean_and_spread(values: FloatArray, counts: IntArray) -> tuple[float, float
     if math.isinf(mean):
         return mean, mean
     return mean, math.sqrt(float(np.average((values[some] - mean)**2, weights=counts[some])))
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command `lifetimes`."""
-    parser = options.Parser(
-        NAME, description='Find how long every start of a grid is transient. Chaos counts as '
-        'transient: only an orbit or rest ends it.')
-    options.add_model(parser, alpha=1.244)
-    options.add_plane(parser)
-    add_settings(parser, CAP)
-    parser.set_defaults(starts=STARTS, hold=HOLD)
-    parser.add_argument('--tail', type=options.whole(0), metavar='N',
-                        help='impacts from which lifetimes are exponential; a tenth of the cap by '
-                             'default')
-    parser.add_argument('--grey', action='store_true',
-                        help="draw the paper's linear grey scale")
-
-    def work(given: argparse.Namespace, run: cli.Run) -> int:
-        parameters, plane = options.model_of(given), options.plane_of(given)
-        store, catalogue, escape = compute_lifetimes(
-            parameters, plane, run, settings_of(given, chaotic=False), given.tail)
-        print(listed(catalogue))
-        print(escape.describe())
-
-        def draw() -> cli.Figure:
-            from ..figures.grids import draw_lifetimes, in_words, thinned
-            every = thinned(plane)
-            return draw_lifetimes(
-                store.read_every('lifetime', every).astype(np.int64),
-                store.read_every('label', every) == UNRESOLVED, plane, escape.cap,
-                f'Lifetimes, {in_words(catalogue)}, s = {plane.displacement:g}', grey=given.grey)
-
-        def draw_beside() -> cli.Figure:
-            from ..figures.grids import draw_survival, in_words
-            return draw_survival(store.read_all('edge'), store.read_all('survival'), escape.begin,
-                                 escape.rate, f'Survival, {in_words(catalogue)}')
-
-        return run.finish(draw, survival=draw_beside)
-
-    return cli.run_tool(parser, arguments, 'lifetimes-{alpha:g}.zarr', work)

@@ -1,108 +1,109 @@
 """Orbit diagrams: impact velocities against alpha, attractor by attractor, with the exponent."""
 
-import argparse
 import dataclasses
 import functools
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from .diagram import describe, Diagram, KINDS, layout_of, STATE, SWEEPS
+from .diagram import describe as laid_out, Diagram, KINDS, layout_of, STATE, SWEEPS
+from .work import Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
 from ..attractors.engine import run_tiles
+from ..attractors.plane import Plane
 from ..attractors.tracks import track
-from ..cli.options import (
-    add_alpha_window,
-    add_plane,
-    add_seed,
-    model_of,
-    number,
-    Parser,
-    plane_of,
-    whole,
-)
-from ..cli.run import Figure, Run, run_tool
+from ..core.defaults import SEED
 from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
-from ..core.many.velocity_counts import BLOCKS
+from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 from ..core.words import counted, in_columns
-from ..store.making import make_store
 from ..store.store import Store
 
+if TYPE_CHECKING:
+    import xarray
 
-def compute(diagram: Diagram, run: Run) -> Store:
+NAME = 'orbit_diagram'
+
+
+def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
+                  plane: Plane | None = None, *, columns: int = 780, trajectories: int = LANES,
+                  keep: int = 2048, hold: int = Window.hold, bins: int = 900,
+                  bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
+                  sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]
+                  ) -> 'xarray.Dataset':
     """
-    Make or go on with a diagram.
+    Count impact velocities against alpha, attractor by attractor, with the largest exponent.
 
     Parameters
     ----------
-    diagram : Diagram
-        What is to be made.
-    run : Run
-        How and where.
+    parameters : Parameters
+        The model, but for alpha.
+    alphas : tuple of float
+        Window of the amplitude [1].
+    plane : Plane, optional
+        The window from which initial conditions are drawn.
+    columns, trajectories : int
+        Amplitudes, and trajectories at each.
+    keep : int
+        Impacts counted of each trajectory.
+    hold : int
+        Impacts after which a trajectory is unsettled; in 32 times as many nothing may leave a
+        chaotic attractor.
+    bins, bin_window
+        Bins of the velocity, and their window [1].
+    seed : int
+        Of the initial conditions.
+    sweeps : tuple of str
+        Of 'starts' (many initial conditions at each alpha), 'up' and 'down' (followed).
+    **options
+        As `Work` explains them.
 
     Returns
     -------
-    Store
-        Complete.
-
-    Raises
-    ------
-    StoreError, EngineError
-        As those modules say.
+    xarray.Dataset
+        Over sweep, alpha and attractor: counts, key, share, kind, period, exponent.
 
     """
-    store = make_store(run.output, layout_of(diagram), run.command, resume=run.resume)
+    return compute(Diagram(
+        parameters, alphas, columns, plane or Plane(), trajectories, seed,
+        Window(keep, *bin_window, bins, hold),
+        tuple(sweep for sweep in SWEEPS if sweep in sweeps)), Work(**options)).dataset()
+
+
+def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
+    """Compute a diagram into a store."""
+    store = work.open(layout_of(diagram))
     pending = store.pending()
-    progress = run.progress(diagram.columns * len(diagram.sweeps))
-    progress.skip(sum(_width(store, tile) for tile in range(len(store.tiles)))
-                  - sum(_width(store, tile) for tile in pending))
-    work = functools.partial(fill_tile, diagram, run.output)
+    fill = functools.partial(fill_tile, diagram, store.path)
+    settings: dict[str, Any] = {'cluster': work.cluster, 'threads': work.threads}
 
-    def finished(tile: int, impacts: int) -> None:
-        store.mark(tile)
-        progress.add(_width(store, tile), impacts)
+    with work.report(name, diagram.columns * len(diagram.sweeps)) as progress:
+        progress.skip(sum(_width(store, tile) for tile in range(len(store.tiles)))
+                      - sum(_width(store, tile) for tile in pending))
 
-    settings: dict[str, Any] = {'cluster': run.cluster, 'threads': run.threads}
-    try:
-        run_tiles(work, [t for t in pending if _sweep(diagram, store, t) == 'starts'], finished,
+        def finished(tile: int, impacts: int) -> None:
+            store.mark(tile)
+            progress.add(_width(store, tile), impacts)
+
+        run_tiles(fill, [t for t in pending if _sweep(diagram, store, t) == 'starts'], finished,
                   **settings)
         # A tile that is followed begins where its neighbour ends: one of each sweep at a time.
         queues = [[t for t in pending if _sweep(diagram, store, t) == sweep]
                   for sweep in ('up', 'down')]
         queues[1].reverse()
         while any(queues):
-            run_tiles(work, [queue.pop(0) for queue in queues if queue], finished, **settings)
-    finally:
-        progress.end()
+            run_tiles(fill, [queue.pop(0) for queue in queues if queue], finished, **settings)
     write_attractors(store)
     return store
 
 
 def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
-    """
-    Compute a tile and write it.
-
-    Parameters
-    ----------
-    diagram : Diagram
-        The diagram.
-    output : Path
-        Its store.
-    tile : int
-        Number of the tile.
-
-    Returns
-    -------
-    int
-        Impacts made.
-
-    """
+    """Compute a tile of the store at `output`; return the impacts made."""
     store = Store(output)
     region = store.tiles[tile]
     columns = range(region['alpha'].start, region['alpha'].stop)
@@ -114,7 +115,7 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     known: tuple[Orbit, ...] = ()
     for c in order:
         catalogue, found[c] = find_branches(
-            diagram.at(c), diagram.starts(c) if starts is None else starts, diagram.window,
+            diagram.at(c), diagram.draw(c) if starts is None else starts, diagram.window,
             # What is followed knows nothing of what it has left.
             known if starts is None else ())
         known = catalogue.orbits
@@ -122,21 +123,13 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
             ends[c - columns.start, :len(starts)] = np.stack(
                 [catalogue.states[name] for name in STATE], axis=1)
             starts = _at(catalogue.states, diagram, c + (1 if sweep == 'up' else -1))
-    values = describe([found[c] for c in columns], diagram)
+    values = laid_out([found[c] for c in columns], diagram)
     store.write(tile, {name: value[None] for name, value in {**values, 'end_state': ends}.items()})
     return sum(len(one.states) for c in columns for one in found[c]) * diagram.window.keep
 
 
 def write_attractors(store: Store) -> None:
-    """
-    Match attractors from one alpha to the next, and write which is which.
-
-    Parameters
-    ----------
-    store : Store
-        Complete.
-
-    """
+    """Match attractors from one alpha to the next, and write which is which."""
     kinds = store.read_all('kind')
     numbers = track(store.read_all('key'), store.read_all('point'),
                     kinds == KINDS.index(Kind.CHAOTIC.value),
@@ -146,9 +139,9 @@ def write_attractors(store: Store) -> None:
             'long_name': 'number of the attractor, matched from alpha to alpha; -1 none'})})
 
 
-def listed(store: Store) -> str:
-    """List the attractors of a diagram, numbered as in the store and in the picture."""
-    numbers, alphas, keys = (store.read_all(name) for name in ('attractor', 'alpha', 'key'))
+def describe(dataset: 'xarray.Dataset') -> str:
+    """List the attractors of a diagram, numbered as in the dataset and in the picture."""
+    numbers, alphas, keys = (dataset[name].values for name in ('attractor', 'alpha', 'key'))
     rows = []
     for label in np.unique(numbers[numbers >= 0]):
         _, places, _ = np.nonzero(numbers == label)
@@ -157,10 +150,10 @@ def listed(store: Store) -> str:
                      str(keys[numbers == label][np.argmin(places)])])
     lines = [in_columns(
         [' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows)]
-    unsettled = np.where(store.read_all('kind') == KINDS.index(Kind.UNSETTLED.value),
-                         store.read_all('share'), 0.0).sum(axis=2).max(axis=0)
+    unsettled = np.where(dataset['kind'].values == KINDS.index(Kind.UNSETTLED.value),
+                         dataset['share'].values, 0.0).sum(axis=2).max(axis=0)
     if np.any(unsettled):
-        lines.append(f'unsettled after {counted(store.attributes["hold"], "impact")}: at '
+        lines.append(f'unsettled after {counted(dataset.attrs["hold"], "impact")}: at '
                      f'{np.count_nonzero(unsettled):,} of {counted(len(alphas), "alpha")}, '
                      f'at most {np.max(unsettled):.1%} of the trajectories')
     return '\n'.join(lines)
@@ -171,7 +164,7 @@ def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> np
     backwards = -1 if _sweep(diagram, store, tile) == 'up' else 1
     if not 0 <= column + backwards < diagram.columns:
         few = dataclasses.replace(diagram, trajectories=min(diagram.trajectories, LANES))
-        return few.starts(column)
+        return few.draw(column)
     sweep = store.tiles[tile]['sweep'].start
     states = store.read_all('end_state')[sweep, column + backwards]
     states = states[np.isfinite(states[:, 0])]
@@ -196,50 +189,3 @@ def _sweep(diagram: Diagram, store: Store, tile: int) -> str:
 def _width(store: Store, tile: int) -> int:
     region = store.tiles[tile]['alpha']
     return int(region.stop - region.start)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command `orbit_diagram`."""
-    parser = Parser('orbit_diagram', description='Count impact velocities against alpha, from '
-                    'many starts and followed up and down, with the largest exponent.')
-    add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
-    parser.add_argument('--columns', type=whole(2), default=780, metavar='N',
-                        help='amplitudes; 780 by default')
-    parser.add_argument('--bins', type=whole(1), default=900, metavar='N',
-                        help='bins of the velocity; 900 by default')
-    parser.add_argument('--bin-window', type=number, nargs=2, default=[-1.5, 1.5],
-                        metavar=('A', 'B'), help='velocities counted [1]; -1.5 1.5 by default')
-    parser.add_argument('--hold', type=whole(1000), default=Window.hold, metavar='N',
-                        help='impacts after which a trajectory is unsettled; in 32 times as many '
-                        f'nothing may leave a chaotic attractor; {Window.hold} by default')
-    parser.add_argument('--skip', type=whole(1), default=5000, metavar='N',
-                        help='impacts passed over at least where nothing settles; 5000 by default')
-    parser.add_argument('--keep', type=whole(BLOCKS), default=2048, metavar='N',
-                        help='impacts of each trajectory that are counted then; 2048 by default')
-    parser.add_argument('--trajectories', type=whole(1), default=LANES, metavar='N',
-                        help=f'at each alpha; {LANES} by default')
-    parser.add_argument('--sweep', nargs='+', choices=SWEEPS, default=list(SWEEPS),
-                        help='many starts at each alpha, or followed up and down; all by default')
-    parser.add_argument('--draw', choices=('velocity', 'exponent', 'both'), default='both',
-                        help='what the picture shows; both by default')
-    add_plane(parser, size=None)
-    add_seed(parser)
-
-    def work(given: argparse.Namespace, run: Run) -> int:
-        store = compute(Diagram(
-            model_of(given), (given.alpha[0], given.alpha[1]), given.columns, plane_of(given),
-            given.trajectories, given.seed,
-            Window(given.keep, given.bin_window[0], given.bin_window[1], given.bins,
-                   max(given.hold, given.skip)),
-            tuple(sweep for sweep in SWEEPS if sweep in given.sweep)), run)
-        print(listed(store))
-
-        def draw() -> Figure:
-            # Only here: matplotlib takes a second to import.
-            from ..figures.diagrams import draw_diagram
-            return draw_diagram(store, exponent=given.draw != 'velocity',
-                                raster=given.draw != 'exponent')
-
-        return run.finish(draw)
-
-    return run_tool(parser, arguments, 'orbit_diagram.zarr', work)

@@ -94,7 +94,7 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
     captured in the end. ValueError says that none is by a periodic orbit, or that it has no
     saddle.
     """
-    found = find_attractors(parameters, Plane().random_starts(parameters, 64, seed), hold=HOLD,
+    found = find_attractors(parameters, Plane().draw(parameters, 64, seed), hold=HOLD,
                             chaotic=False).attractors
     captor = max(found, key=lambda each: each.settled if each.orbit else -1).orbit
     if captor is None:

@@ -9,17 +9,17 @@ import pytest
 from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli.attractors import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.attractors import main
 
 
 def search(parameters: Parameters, count: int = 200, seed: int = 1, **settings):
     """Search from random starts of the default window."""
     settings = {'hold': 4000, **settings}
-    starts = Plane().random_starts(parameters, count, seed)
+    starts = Plane().draw(parameters, count, seed)
     return find_attractors(parameters, starts, **settings)
 
 
@@ -143,7 +143,7 @@ def test_keys_of_orbits_do_not_depend_on_the_plane(alpha):
     keys = set()
     for seed, displacement in ((3, 0.0), (4, -0.5), (5, -1.0)):
         plane = Plane(displacement=displacement)
-        catalogue = find_attractors(Parameters(alpha=alpha), plane.random_starts(
+        catalogue = find_attractors(Parameters(alpha=alpha), plane.draw(
             Parameters(alpha=alpha), 300, seed), hold=4000, chaotic=False)
         keys.add(tuple(orbit.key for orbit in catalogue.orbits))
     assert len(keys) == 1
@@ -157,7 +157,7 @@ def test_keys_of_chaotic_attractors_do_not_depend_on_the_seed(alpha, impacts):
     for seed, displacement in ((1, 0.0), (2, 0.0), (3, -0.5)):
         plane, parameters = Plane(displacement=displacement), Parameters(alpha=alpha)
         found = find_attractors(
-            parameters, plane.random_starts(parameters, 150, seed), hold=6000).attractors
+            parameters, plane.draw(parameters, 150, seed), hold=6000).attractors
         keys.add(tuple(each.key for each in found))
         chaos, = (each for each in found if each.kind is Kind.CHAOTIC)
         # From the point that the key names the scalar core comes back to it after a period.
@@ -176,7 +176,7 @@ def test_keys_of_chaotic_attractors_do_not_depend_on_the_seed(alpha, impacts):
 
 def test_a_search_can_be_given_up_all_along() -> None:
     """Checks come all along, and the one that raises is the last."""
-    starts = Plane().random_starts(Parameters(1.0), 60, 1)
+    starts = Plane().draw(Parameters(1.0), 60, 1)
     calls = []
 
     class GivenUp(Exception):

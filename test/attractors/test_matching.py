@@ -12,7 +12,7 @@ from gear_rattle_ros.palette import colours_of, HUES, painted
 def search(alpha: float) -> Catalogue:
     """Find the periodic attractors at one alpha."""
     parameters = Parameters(alpha=alpha)
-    return find_attractors(parameters, Plane().random_starts(parameters, 200, 1), hold=2000,
+    return find_attractors(parameters, Plane().draw(parameters, 200, 1), hold=2000,
                            chaotic=False)
 
 

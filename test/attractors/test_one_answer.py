@@ -65,21 +65,21 @@ def assert_one_answer(some: dict[str, float], others: dict[str, float], count: i
 def test_every_tool_finds_the_same(values, tmp_path):
     """Other initial conditions, orbit diagrams and grids give the same keys and shares."""
     parameters = Parameters(*values)
-    starts = Plane().random_starts(parameters, 300, 1)
+    starts = Plane().draw(parameters, 300, 1)
     first = find_attractors(parameters, starts, hold=20_000)
     keys = [each.key for each in first.attractors]
     assert len(set(keys)) == len(keys)
     assert sum(each.share for each in first.attractors) == pytest.approx(1.0)
-    again = find_attractors(parameters, Plane().random_starts(parameters, 200, 2), hold=20_000)
+    again = find_attractors(parameters, Plane().draw(parameters, 200, 2), hold=20_000)
     assert_one_answer(known(first), known(again), 300, 200)
-    catalogue, branches = find_branches(parameters, Plane().random_starts(parameters, 96, 3),
+    catalogue, branches = find_branches(parameters, Plane().draw(parameters, 96, 3),
                                         Window(keep=64, bins=10, hold=20_000))
     assert known(catalogue) == {
         one.attractor.key: one.attractor.share for one in branches}
     assert_one_answer(known(first), known(catalogue), 300, 96)
     plane = Plane(phases=20, velocities=20)
     _, labels, _, attractors = basin(tmp_path / 'a', plane, parameters, settings=Settings(
-        cap=20_000, starts=100, seed=4, hold=20_000))
+        cap=20_000, initial_conditions=100, seed=4, hold=20_000))
     of = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
     shares = {of[label]: float(np.mean(labels == label)) for label in np.unique(labels).tolist()}
     assert_one_answer(known(first), shares, 300, 400)
@@ -89,7 +89,7 @@ def test_every_tool_finds_the_same(values, tmp_path):
 def test_the_live_detector_agrees(values):
     """What the detector sees in the stream of one initial condition is its label."""
     parameters = Parameters(*values)
-    starts = Plane().random_starts(parameters, 24, 5)
+    starts = Plane().draw(parameters, 24, 5)
     catalogue = find_attractors(parameters, starts, hold=20_000)
     results = catalogue.label(starts, 20_000)
     for start, result in zip(starts[:8], results[:8], strict=True):
@@ -149,7 +149,7 @@ def test_a_plain_simulation_of_a_million_impacts_agrees(values):
 def test_published_shares(values, shares):
     """Every initial condition is labelled, however fast its orbit and however late it settles."""
     parameters = Parameters(*values)
-    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 300, 1))
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 1))
     for key, share in shares.items():
         found = known(catalogue).get(key, 0.0)
         error = max(math.sqrt(share * (1.0 - share) / 300), 1e-9)
@@ -161,7 +161,7 @@ def test_published_shares(values, shares):
 def test_the_share_of_b_does_not_depend_on_how_many_are_followed(count):
     """An orbit of 128 impacts, seen at the end of long transients: 24.1 %."""
     parameters = Parameters(alpha=0.56476)
-    catalogue = find_attractors(parameters, Plane().random_starts(parameters, count, 1))
+    catalogue = find_attractors(parameters, Plane().draw(parameters, count, 1))
     assert len(catalogue.attractors) == 2
     longest = max(catalogue.attractors, key=lambda each: each.impacts)
     assert longest.impacts == 128
@@ -173,7 +173,7 @@ def test_the_share_of_b_does_not_depend_on_how_many_are_followed(count):
 def test_pieces_of_b(alpha, pieces):
     """Its bands merge, 4 to 2 at 0.56604 and 2 to 1 at 0.56749: counted in turn on one wall."""
     parameters = Parameters(alpha=alpha)
-    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 60, 1), hold=10_000)
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 60, 1), hold=10_000)
     chaos, = (each for each in catalogue.attractors if each.kind is Kind.CHAOTIC)
     assert chaos.pieces == pieces
 
@@ -181,7 +181,7 @@ def test_pieces_of_b(alpha, pieces):
 def test_what_keeps_areas_has_no_attractors():
     """With r = 1 and beta = 0 the determinant is 1: nothing is called an attractor."""
     parameters = Parameters(0.1, 0.0, 0.0, 1.0)
-    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 50, 1))
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 50, 1))
     only, = catalogue.attractors
     assert (only.kind, only.share) == (Kind.UNSETTLED, 1.0)
 
@@ -191,7 +191,7 @@ def test_what_keeps_areas_has_no_attractors():
 def test_shares_scatter_as_their_errors_say(alpha):
     """Over 20 seeds the deviations from the mean have the chi-squared distribution."""
     parameters = Parameters(alpha=alpha)
-    found = [find_attractors(parameters, Plane().random_starts(parameters, 200, seed), hold=10_000)
+    found = [find_attractors(parameters, Plane().draw(parameters, 200, seed), hold=10_000)
              for seed in range(20)]
     for key in {key for catalogue in found for key in known(catalogue)}:
         each = [next((one for one in catalogue.attractors if one.key == key), None)
@@ -208,7 +208,7 @@ def test_shares_scatter_as_their_errors_say(alpha):
 def test_labels_of_the_catalogue_are_those_of_its_search():
     """Following the same initial conditions once more gives the same labels."""
     parameters = Parameters(alpha=0.505)
-    starts = Plane().random_starts(parameters, 200, 6)
+    starts = Plane().draw(parameters, 200, 6)
     catalogue = find_attractors(parameters, starts, hold=10_000)
     assert np.array_equal(catalogue.label(starts)['label'], catalogue.labels)
     # An orbit that is added later gets the last label.

@@ -21,7 +21,7 @@ CONSERVING = Parameters(0.1, 0.0, 0.0, 1.0)
 
 def level_of(parameters: Parameters, **settings) -> Level:
     """Return a level of the plane."""
-    starts = PLANE.starts(parameters, slice(0, EDGE), slice(0, EDGE))
+    starts = PLANE.cells(parameters, slice(0, EDGE), slice(0, EDGE))
     return Level(starts, (EDGE, EDGE), CAP, **settings)
 
 
@@ -29,7 +29,7 @@ def level_of(parameters: Parameters, **settings) -> Level:
 def catalogue() -> Catalogue:
     """Return an orbit and a chaotic attractor."""
     parameters = Parameters(0.57)
-    found = find_attractors(parameters, PLANE.random_starts(parameters, 200, 1), hold=2000)
+    found = find_attractors(parameters, PLANE.draw(parameters, 200, 1), hold=2000)
     assert found.orbits and found.chaotic
     return found
 

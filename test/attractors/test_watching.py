@@ -126,7 +126,7 @@ def test_chaos_told_early_is_chaos(alpha: float) -> None:
                 if picture.plane.phases == 400]
     catalogue = fine.catalogue
     assert catalogue.stay < 128 and fine.share(UNRESOLVED) < 0.001
-    starts = fine.plane.starts(catalogue.parameters, slice(0, 400), slice(0, 400))
+    starts = fine.plane.cells(catalogue.parameters, slice(0, 400), slice(0, 400))
     starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
     certain = dataclasses.replace(catalogue, stay=1024).label(
         starts, 20_000)['label'].reshape(400, 400)

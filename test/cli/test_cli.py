@@ -12,10 +12,10 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
+from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes
 from gear_rattle_ros.cli.options import number, Parser
-from gear_rattle_ros.cli.progress import in_words, Progress
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
-from gear_rattle_ros.studies import attractors, basins, exponents, lifetimes
+from gear_rattle_ros.studies.progress import in_words, Progress
 
 TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
 

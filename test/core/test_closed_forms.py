@@ -99,7 +99,7 @@ def test_impulses_balance_the_load(p: Parameters) -> None:
 def test_determinant_of_an_orbit(p: Parameters, orbits: set[tuple[int, int]]) -> None:
     """Multipliers of q impacts in p periods have the product r^(2 q) exp(-2 pi beta p)."""
     found = find_attractors(
-        p, Plane().random_starts(p, 48, 1), hold=4000, chaotic=False).orbits
+        p, Plane().draw(p, 48, 1), hold=4000, chaotic=False).orbits
     assert found and orbits <= {(orbit.impacts, orbit.drive_periods) for orbit in found}
     for orbit in found:
         exact = p.restitution**(2 * orbit.impacts) * math.exp(

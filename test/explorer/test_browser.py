@@ -87,9 +87,9 @@ def test_page_loads_and_draws_both_basins(tab: Tab, tmp_path: Path) -> None:
     direction = pixels / np.maximum(np.linalg.norm(pixels, axis=2, keepdims=True), 1.0)
     near = direction @ (hues / np.linalg.norm(hues, axis=1, keepdims=True)).T > 0.97
     parameters, plane = Parameters(), Plane(phases=150, velocities=150)
-    catalogue = find_attractors(parameters, plane.random_starts(parameters, 300, 4),
+    catalogue = find_attractors(parameters, plane.draw(parameters, 300, 4),
                                 chaotic=False)
-    labels = catalogue.label(plane.starts(parameters, slice(0, 150), slice(0, 150)), CAP)['label']
+    labels = catalogue.label(plane.cells(parameters, slice(0, 150), slice(0, 150)), CAP)['label']
     for number in (0, 1):
         assert np.mean(near[..., number]) == pytest.approx(np.mean(labels == number), abs=0.03)
     legend = tab.get('legend', 'text')
@@ -113,8 +113,8 @@ def test_wheel_zooms_and_every_cell_is_computed_afresh(tab: Tab) -> None:
     # A finer picture of the same window may have come meanwhile.
     size = math.isqrt(labels.size)
     plane = Plane(0.0, after[:2], after[2:], size, size)
-    starts = plane.starts(parameters, slice(0, size), slice(0, size))[::97]
-    catalogue = find_attractors(parameters, Plane().random_starts(parameters, 300, 4),
+    starts = plane.cells(parameters, slice(0, size), slice(0, size))[::97]
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 4),
                                 chaotic=False)
     theirs = catalogue.label(starts, CAP)
     # The browser knows where its window begins and how wide it is; its end may differ by an ulp.

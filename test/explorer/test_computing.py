@@ -42,8 +42,8 @@ def test_labels_are_those_of_a_search_of_its_own(alpha: float, displacement: flo
         if picture.cells == 50 and picture.known.is_complete:
             break
     catalogue = find_attractors(
-        parameters, plane.random_starts(parameters, 300, 8), hold=20_000)
-    theirs = catalogue.label(plane.starts(parameters, slice(0, 50), slice(0, 50)), CAP)
+        parameters, plane.draw(parameters, 300, 8), hold=20_000)
+    theirs = catalogue.label(plane.cells(parameters, slice(0, 50), slice(0, 50)), CAP)
     periodic = [orbit.key for orbit in catalogue.orbits]
     names = [*periodic, *('chaos' for _ in catalogue.chaotic)]
     expected = np.array([names[label] if label >= 0 else 'none' for label in theirs['label']])
@@ -140,7 +140,7 @@ def test_exponents_are_those_of_the_starts() -> None:
     """Of all cells, whatever was shown before they were computed."""
     view = View(Parameters(alpha=0.57), kind=EXPONENTS)
     picture = until(view, 100)
-    starts = view.plane(picture.cells).starts(
+    starts = view.plane(picture.cells).cells(
         view.parameters, slice(0, picture.cells), slice(0, picture.cells))
     expected = finite_time_exponents(starts, SPAN).astype(np.float32)
     assert picture.exponents is not None

@@ -6,7 +6,8 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from gear_rattle_ros.figures.paper import load_recipes, main
+from gear_rattle_ros.cli.figures import main
+from gear_rattle_ros.figures.paper import load_recipes
 from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
 

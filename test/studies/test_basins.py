@@ -24,7 +24,7 @@ from gear_rattle_ros.core.many.settling import (
 )
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.figures import grids as pictures
+from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.palette import hue, rgb
 from gear_rattle_ros.store.making import make_store
 from gear_rattle_ros.store.store import open_dataset
@@ -70,7 +70,7 @@ def test_resume_gives_the_same_store(tmp_path, reference):
 @pytest.mark.parametrize('tile', [9, 48])
 def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, tile):
     """With one random start the other attractor is met by the tiles; labels mean the same."""
-    settings = dataclasses.replace(SETTINGS, starts=1, cap=1500, tile=tile)
+    settings = dataclasses.replace(SETTINGS, initial_conditions=1, cap=1500, tile=tile)
     _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, settings=settings)
     _, expected, lifetimes, known = reference
     assert len(attractors) == len(known) == 2
@@ -98,7 +98,7 @@ def followed(start):
 def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
     """A sample, with all the starts that chatter: the scalar core finds the same."""
     _, label, lifetime, attractors = reference
-    starts = PLANE.starts(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
+    starts = PLANE.cells(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
     label, lifetime = label.ravel(), lifetime.ravel()
     slow = np.flatnonzero(np.abs(starts['velocity']) < 0.06)
     sample = np.unique(np.concatenate([slow[::2], np.arange(0, len(starts), 29)]))
@@ -149,7 +149,7 @@ def test_the_symmetric_model_has_mirrored_basins(tmp_path):
 def test_refilled_lanes_lose_and_repeat_no_start():
     """A thousand starts through 64 lanes give what each gives alone."""
     parameters = Parameters(alpha=0.52)
-    starts = PLANE.random_starts(parameters, 1000, 3)
+    starts = PLANE.draw(parameters, 1000, 3)
     table = find_attractors(parameters, starts[:100], hold=3000).table
     tile, impacts, watches = new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH)
 
@@ -222,7 +222,6 @@ def test_the_dataset_says_what_it_is(reference):
     assert dataset['phase'].attrs['units'] == 'rad'
     assert dataset.attrs['alpha'] == 0.48
     assert dataset.attrs['displacement'] == 0.0
-    assert 'ros2 run' in dataset.attrs['command']
     assert list(dataset['attractor_key'].values) == [each.key for each in reference[3]]
     assert np.array_equal(dataset['phase'], PLANE.phase_values())
 
@@ -241,11 +240,11 @@ def test_windows_magnify_about_a_point():
 
 def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     """20,000 x 20,000 starts: nothing of the size of the grid is held or written up front."""
-    from gear_rattle_ros.studies.tiles import fill_tile, grid_layout, Job
+    from gear_rattle_ros.studies.grid import fill_tile, grid_layout, Job
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')
     assert len(store.tiles) == 1600
-    catalogue = find_attractors(Parameters(), plane.random_starts(Parameters(), 50, 1), hold=3000)
+    catalogue = find_attractors(Parameters(), plane.draw(Parameters(), 50, 1), hold=3000)
     part = dict(store.tiles[0])
     assert {edge.stop - edge.start for edge in part.values()} == {500}
     # A tile of it, made small.
@@ -259,8 +258,8 @@ def test_the_largest_grid_is_laid_out_at_once(tmp_path):
 
 def test_the_picture_shows_every_attractor(reference, tmp_path):
     """As many colours as attractors, and the shares in words."""
-    _, label, _, attractors = reference
-    figure = pictures.draw_basins(label.astype(np.int64), PLANE, attractors, 'title')
+    store, label, _, attractors = reference
+    figure = draw(open_dataset(store.path))
     image = figure.axes[0].images[0]
     shares = [np.mean(np.all(image.get_array()[..., :3] == rgb(hue(number)), axis=-1))
               for number in (0, 1)]

@@ -8,6 +8,7 @@ import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli.continuation import main
 from gear_rattle_ros.core.flight.closed_form import UPPER
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.many.recognition import find_orbit
@@ -17,14 +18,13 @@ from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.continuation import main
 
 B, G, R = 0.1, 0.1, 0.9
 
 
 def orbits_of(parameters, trajectories=64):
     """Find the stable orbits."""
-    starts = Plane().random_starts(parameters, trajectories, 1)
+    starts = Plane().draw(parameters, trajectories, 1)
     return list(find_attractors(parameters, starts, hold=5000, chaotic=False).orbits)
 
 
@@ -291,7 +291,7 @@ def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
     # Below it trajectories stay chaotic, above they all settle on the orbit.
     for side, settled in ((-2e-5, 0), (2e-5, LANES)):
         parameters = Parameters(alpha=alpha + side)
-        starts = Plane().random_starts(parameters, LANES, 5)
+        starts = Plane().draw(parameters, LANES, 5)
         rows, _ = record_impacts(starts, 60_000, 256)
         orbits = [find_orbit(parameters, row, 64, 1e-6) for row in rows]
         assert sum(o is not None and o.impacts == 5 for o in orbits) == settled

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli.crisis import main
 from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
 from gear_rattle_ros.core.many.escape import (
     CAPTURED,
@@ -17,7 +18,7 @@ from gear_rattle_ros.core.many.escape import (
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.manifolds import find_edge
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.crisis import main, PAPER, PAPER_BRACKET
+from gear_rattle_ros.studies.crisis import PAPER, PAPER_BRACKET
 from gear_rattle_ros.studies.escape_rates import fit_exponent, fit_law
 from gear_rattle_ros.studies.tangency import find_boundary, radius_of
 
@@ -31,7 +32,7 @@ def boundary():
 def escapes_at(boundary, alpha, trajectories, limit):
     """Time escapes at an alpha."""
     parameters = Parameters(alpha=alpha)
-    starts = Plane().random_starts(parameters, trajectories, 5)
+    starts = Plane().draw(parameters, trajectories, 5)
     lifetimes, fates = np.zeros(trajectories, np.int64), np.zeros(trajectories, np.int64)
     last_until_captured(new_tiles(1)[0], new_impacts(STEPS), starts,
                         boundary.at(alpha).captor.points, radius_of(boundary), 300, trajectories,
@@ -109,7 +110,7 @@ def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
 
 def test_enough_escapes_stop_all_and_give_the_same_rate(boundary):
     parameters, here = Parameters(alpha=1.25), boundary.at(1.25)
-    starts = Plane(displacement=-0.5).random_starts(parameters, 2000, 6)
+    starts = Plane(displacement=-0.5).draw(parameters, 2000, 6)
     rates = []
     for wanted in (300, 2000):
         lifetimes, fates = np.zeros(2000, np.int64), np.zeros(2000, np.int64)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gear_rattle_ros.cli.exponents import main
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.exponents import main
 
 
 def test_exponents_at_two_attractors_are_those_of_their_multipliers(tmp_path: Path) -> None:

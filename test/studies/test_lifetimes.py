@@ -1,8 +1,6 @@
 """Lifetimes: the estimate against samples with a known mean, and against a larger cap."""
 
-import dataclasses
 
-from grids import run_into
 import numpy as np
 import pytest
 
@@ -12,17 +10,16 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import RESULT, UNRESOLVED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.basins import Settings
 from gear_rattle_ros.studies.lifetimes import (
-    compute_lifetimes,
     distribution,
+    escape_of,
     estimate_escape,
+    lifetimes,
     Merged,
     tally,
 )
 
-SETTINGS = Settings(cap=1500, starts=64, hold=4000, chaotic=False)
+SETTINGS = {'cap': 1500, 'initial_conditions': 64, 'hold': 4000}
 PLANE = Plane(phases=40, velocities=40)
 
 
@@ -70,10 +67,10 @@ def test_the_distribution_counts_every_escape():
 
 def estimates(parameters, plane, cap, seeds, count):
     """Estimate escapes from random initial conditions, once for each seed."""
-    table = find_attractors(parameters, plane.random_starts(parameters, 64, 1), hold=4000,
+    table = find_attractors(parameters, plane.draw(parameters, 64, 1), hold=4000,
                             chaotic=False).table
     for seed in seeds:
-        starts, results = plane.random_starts(parameters, count, seed), np.zeros(count, RESULT)
+        starts, results = plane.draw(parameters, count, seed), np.zeros(count, RESULT)
         follow_here(starts, cap, table, results)
         counts, censored, merged = tally([(starts, results)], table, cap)
         yield estimate_escape(counts[0], int(censored[0]), cap // 10, merged)
@@ -124,7 +121,7 @@ def test_a_shared_trajectory_without_an_end_has_the_error_of_one():
 def test_sticks_are_those_of_the_simulator(parameters):
     """Impacts until the mass first sticks, and the phase at which it leaves, to the bit."""
     plane = Plane(velocity=(-0.1, 0.1), phases=6, velocities=5)
-    starts, results = plane.starts(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
+    starts, results = plane.cells(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
     follow_here(starts, 400, Catalogue(parameters).table, results)
     stuck = 0
     for start, result in zip(starts, results, strict=True):
@@ -153,22 +150,17 @@ def test_a_cap_and_none_agree_beyond_the_crisis():
 @pytest.fixture(scope='module')
 def grid(tmp_path_factory):
     """Compute lifetimes above the crisis."""
-    return compute_lifetimes(Parameters(alpha=1.244), PLANE,
-                             run_into(tmp_path_factory.mktemp('lifetimes') / 'a.zarr'), SETTINGS)
+    return lifetimes(Parameters(alpha=1.244), PLANE, **SETTINGS)
 
 
-def test_a_larger_cap_agrees_with_the_estimate(grid, tmp_path):
+def test_a_larger_cap_agrees_with_the_estimate(grid):
     """What is short stays what it was; the mean of the censored run holds for the longer one."""
-    store, _, escape = grid
-    lifetimes, censored = store.read_all('lifetime'), store.read_all('label') == UNRESOLVED
-    settings = dataclasses.replace(SETTINGS, cap=6000)
-    longer, _, more = compute_lifetimes(
-        Parameters(alpha=1.244), PLANE, run_into(tmp_path / 'b.zarr'), settings)
-    lifetimes_2, censored_2 = (longer.read_all('lifetime'),
-                               longer.read_all('label') == UNRESOLVED)
-    assert np.array_equal(lifetimes[~censored], lifetimes_2[~censored])
-    assert np.all(lifetimes[censored] == 1500)
-    assert np.all(lifetimes_2[censored] > 1450)
+    escape, censored = escape_of(grid), grid['label'].values == UNRESOLVED
+    longer = lifetimes(Parameters(alpha=1.244), PLANE, **SETTINGS | {'cap': 6000})
+    more, censored_2 = escape_of(longer), longer['label'].values == UNRESOLVED
+    assert np.array_equal(grid['lifetime'].values[~censored], longer['lifetime'].values[~censored])
+    assert np.all(grid['lifetime'].values[censored] == 1500)
+    assert np.all(longer['lifetime'].values[censored] > 1450)
     assert 0.3 < np.mean(censored_2) < np.mean(censored) < 0.9
     assert abs(escape.mean - more.mean) < 4.0 * escape.mean_error
     assert more.mean_error < escape.mean_error
@@ -176,10 +168,9 @@ def test_a_larger_cap_agrees_with_the_estimate(grid, tmp_path):
 
 def test_the_store_keeps_the_distribution(grid):
     """The dataset carries the survival and the estimate with its error."""
-    store, _, escape = grid
-    dataset = open_dataset(store.path)
-    censored = float(np.mean(dataset['label'].values == UNRESOLVED))
-    assert float(dataset['survival'][-1]) == pytest.approx(censored)
-    assert int(dataset['escapes'].sum()) == escape.starts - escape.censored
-    assert dataset.attrs['escape_mean'] == escape.mean
-    assert dataset.attrs['escape_mean_error'] > 0.0
+    escape = escape_of(grid)
+    censored = float(np.mean(grid['label'].values == UNRESOLVED))
+    assert float(grid['survival'][-1]) == pytest.approx(censored)
+    assert int(grid['escapes'].sum()) == escape.initial_conditions - escape.censored
+    assert grid.attrs['escape_mean'] == escape.mean
+    assert grid.attrs['escape_mean_error'] > 0.0

@@ -8,13 +8,13 @@ import pytest
 from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.columns import find_branches, Window
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli.orbit_diagram import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.velocity_counts import count_velocities
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.store.store import open_dataset, Store
-from gear_rattle_ros.studies.orbit_diagram import main
 
 SMALL = ['--alpha', '0.48', '0.5', '--columns', '3', '--bins', '600', '--trajectories', '24',
          '--skip', '3000', '--keep', '512']
@@ -71,7 +71,7 @@ def test_exponents_are_half_of_the_exact_sum(diagram):
 def test_the_kernel_measures_the_exponent_of_an_orbit():
     parameters = Parameters(alpha=0.48)
     _, found = find_branches(
-        parameters, Plane().random_starts(parameters, 16, 3), Window(keep=4096, bins=200))
+        parameters, Plane().draw(parameters, 16, 3), Window(keep=4096, bins=200))
     for one in found:
         blocks = count_velocities(one.states, 4096, -3.0, 3.0, 200).growth
         error = np.std(blocks, ddof=1) / math.sqrt(blocks.size)
@@ -81,7 +81,7 @@ def test_the_kernel_measures_the_exponent_of_an_orbit():
 def test_chaotic_exponent_agrees_with_the_stream_of_events():
     parameters = Parameters(alpha=1.1)
     _, found = find_branches(
-        parameters, Plane().random_starts(parameters, 32, 3), Window(keep=8192, bins=200))
+        parameters, Plane().draw(parameters, 32, 3), Window(keep=8192, bins=200))
     assert [one.attractor.kind for one in found] == [Kind.CHAOTIC]
     running = RunningLyapunov()
     simulation = Simulation(parameters, State(velocity=-0.8))
@@ -112,7 +112,7 @@ def test_what_is_followed_down_does_not_find_b_again(tmp_path):
 
 def test_an_orbit_just_before_its_doubling_is_not_taken_for_twice_itself():
     parameters = Parameters(alpha=0.529)
-    _, found = find_branches(parameters, Plane().random_starts(parameters, 32, 1), Window())
+    _, found = find_branches(parameters, Plane().draw(parameters, 32, 1), Window())
     assert sorted(one.attractor.impacts for one in found) == [2, 3]
     assert sum(len(one.states) for one in found) == 32
 
@@ -121,7 +121,7 @@ def test_an_orbit_just_before_its_doubling_is_not_taken_for_twice_itself():
 def test_a_transient_is_not_called_chaotic(alpha):
     """Above the crisis all that lives is one orbit; the rest is on its way there."""
     parameters = Parameters(alpha=float(alpha))
-    _, found = find_branches(parameters, Plane().random_starts(parameters, 96, 1), Window())
+    _, found = find_branches(parameters, Plane().draw(parameters, 96, 1), Window())
     kinds = {one.attractor.kind for one in found}
     assert Kind.PERIODIC in kinds <= {Kind.PERIODIC, Kind.UNSETTLED}
     assert [one.attractor.impacts for one in found if one.attractor.orbit] == [4]

@@ -10,8 +10,8 @@ import time
 import numpy as np
 import pytest
 
+from gear_rattle_ros.cli import continuation, crisis, orbit_diagram
 from gear_rattle_ros.store.store import Store, StoreError
-from gear_rattle_ros.studies import continuation, crisis, orbit_diagram
 
 MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
          'crisis': crisis.main}

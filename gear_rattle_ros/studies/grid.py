@@ -1,4 +1,4 @@
-"""Grids of labels and lifetimes, tile by tile: what the tools basins and lifetimes share."""
+"""Grids of labels and lifetimes, tile by tile: what basins and lifetimes share."""
 
 from collections.abc import Callable
 import dataclasses
@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from .work import Work
 from ..attractors.catalogue import Catalogue
 from ..attractors.engine import run_tiles
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
-from ..cli.run import Run
 from ..core.many.settling import RESULT, UNRESOLVED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
@@ -51,28 +51,7 @@ class Done:
 
 def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
                 tile: int | None = None) -> Layout:
-    """
-    Lay out a grid of labels and lifetimes.
-
-    Parameters
-    ----------
-    plane : Plane
-        The cells.
-    identity : dict
-        What makes it this result.
-    title : str
-        Title.
-    cap : int
-        Impacts after which starts are given up.
-    tile : int, optional
-        Length of a tile's edge.
-
-    Returns
-    -------
-    Layout
-        For `make_store`.
-
-    """
+    """Lay out a grid of labels and lifetimes; the result does not depend on the `tile`."""
     edge = tile or min(max(-(-max(plane.phases, plane.velocities) // ACROSS), SHORTEST), LONGEST)
     return Layout(
         (Axis('velocity', plane.velocity_values(),
@@ -100,7 +79,7 @@ def fill_tile(job: Job, tile: int) -> Done:
     part = store.tiles[tile]
     shape = (part['velocity'].stop - part['velocity'].start,
              part['phase'].stop - part['phase'].start)
-    level = Level(job.plane.starts(known.parameters, part['velocity'], part['phase']), shape,
+    level = Level(job.plane.cells(known.parameters, part['velocity'], part['phase']), shape,
                   job.cap, slice_impacts=math.inf)
     grids = {name: np.zeros(shape, RESULT[name]) for name in GRIDS}
     if known.late:
@@ -116,35 +95,14 @@ def fill_tile(job: Job, tile: int) -> Done:
     return Done(level.impacts, orbits)
 
 
-def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, run: Run
+def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, work: Work, name: str
                  ) -> Catalogue:
-    """
-    Compute all tiles of a store that are not done.
-
-    Parameters
-    ----------
-    store : Store
-        The store.
-    plane : Plane
-        The cells.
-    catalogue : Catalogue
-        Known attractors.
-    cap : int
-        Impacts after which a start is given up.
-    run : Run
-        How.
-
-    Returns
-    -------
-    Catalogue
-        With the orbits that no random start had reached.
-
-    """
+    """Compute the tiles that are pending; add orbits that no random initial condition reached."""
     known = catalogue.with_orbits(tuple(_orbits_from(
         store.attributes.get(LATE, '[]'), catalogue.parameters)))
     job = Job(store.path, plane, cap, catalogue)
-    progress = run.progress(plane.phases * plane.velocities)
     pending = store.pending()
+    progress = work.report(name, plane.phases * plane.velocities)
     progress.skip(sum(_size(store, tile) for tile in range(len(store.tiles)))
                   - sum(_size(store, tile) for tile in pending))
 
@@ -158,10 +116,10 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, run
         progress.add(_size(store, tile), done.impacts)
 
     def do(tiles: list[int], then: Callable[[int, Done], None]) -> None:
-        run_tiles(functools.partial(fill_tile, job), tiles, then, cluster=run.cluster,
-                  threads=run.threads)
+        run_tiles(functools.partial(fill_tile, job), tiles, then, cluster=work.cluster,
+                  threads=work.threads)
 
-    try:
+    with progress:
         do(pending, finished)
         if known.late:
             # In the order of their keys: tiles end in any order.
@@ -169,8 +127,6 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, run
                 sorted(known.late, key=lambda orbit: orbit.key)))
             job = dataclasses.replace(job, catalogue=known)
             do(list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
-    finally:
-        progress.end()
     return known
 
 

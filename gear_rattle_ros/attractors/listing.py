@@ -1,0 +1,44 @@
+"""Attractors as a table in plain text, from the arrays in which a dataset keeps them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..core.words import counted, in_columns
+
+
+def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None) -> str:
+    """
+    List attractors, numbered as in the dataset and in every picture.
+
+    `columns` are the arrays of `table_of`, by name; `hold` is the number of impacts after which
+    what has not settled is unsettled, and `cells` counts the cells of a grid by label.
+    """
+    headings = [' label', 'key', 'kind', ' random initial conditions [%]', 'period or exponents']
+    rows = []
+    for k, label in enumerate(columns['attractor_label']):
+        one = {name.removeprefix('attractor_'): values[k] for name, values in columns.items()
+               if name.startswith('attractor_')}
+        row = [str(label), str(one['key']), str(one['kind']),
+               f'{100.0 * one["share"]:.2f} +- {100.0 * one["share_error"]:.2f}',
+               _detail(one, hold)]
+        if cells is not None:
+            row.insert(3, f'{100.0 * cells.get(int(label), 0) / sum(cells.values()):.3f}')
+        rows.append(row)
+    if cells is not None:
+        headings.insert(3, ' grid [%]')
+    return in_columns(headings, rows)
+
+
+def _detail(one: Mapping[str, Any], hold: int) -> str:
+    if one['kind'] == 'unsettled':
+        return f'no orbit within {counted(hold, "impact")}'
+    if one['kind'] == 'periodic':
+        largest = max(map(abs, one['multiplier_real'] + 1j * one['multiplier_imaginary']))
+        return (f'{counted(one["impacts"], "impact")} in '
+                f'{counted(one["drive_periods"], "drive period")}, largest multiplier '
+                f'{largest:.6f}')
+    if one['kind'] == 'chaotic':
+        return f'{counted(one["pieces"], "piece")}, exponents ' + ', '.join(
+            f'{value:.5f} +- {error:.5f}'
+            for value, error in zip(one['exponent'], one['exponent_error'], strict=True))
+    return ''

@@ -1,0 +1,32 @@
+"""The command `lifetimes`."""
+
+import argparse
+
+from . import options
+from .refusal import Parser
+from .run import Command, Run
+from ..core import defaults
+
+
+def _add_options(parser: Parser) -> None:
+    options.add_model(parser, alpha=1.244)
+    options.add_grid(parser, defaults.LIFETIMES_CAP)
+    options.add_search(parser, hold=defaults.LIFETIMES_HOLD,
+                       initial_conditions=defaults.LIFETIMES_INITIAL_CONDITIONS)
+    parser.add_argument('--tail', type=options.whole(0), metavar='N',
+                        help='impacts from which lifetimes are exponential; a tenth of the cap by '
+                             'default')
+    parser.add_argument('--grey', action='store_true',
+                        help="the same as --colours paper: the paper's linear grey scale")
+
+
+def _work(given: argparse.Namespace, run: Run) -> None:
+    from ..studies.lifetimes import describe, lifetimes
+    dataset = lifetimes(options.model_of(given), options.plane_of(given), tail=given.tail,
+                        **options.chosen(given, *options.GRID), **run.work)
+    run.finish(dataset, describe(dataset), **{'colours': 'paper'} if given.grey else {})
+
+
+main = Command('lifetimes', 'Find how long every initial condition of a grid is transient. Chaos '
+               'counts as transient: only an orbit or rest ends it.', 'lifetimes-{alpha:g}.zarr',
+               _add_options, _work)

@@ -1,0 +1,25 @@
+"""Values that options and functions have by default; only the standard library here."""
+
+from typing import Final
+
+# The model of the paper [1].
+ALPHA: Final = 0.48
+BETA: Final = 0.1
+GAMMA: Final = 0.1
+RESTITUTION: Final = 0.9
+
+# The search for attractors: the largest distance from an orbit [1], the impacts for which nothing
+# may leave a chaotic attractor, the random initial conditions and their seed.
+TOLERANCE: Final = 1e-3
+HOLD: Final = 100_000
+INITIAL_CONDITIONS: Final = 1000
+SEED: Final = 1
+
+# Impacts after which a grid of basins and of lifetimes gives a cell up; the latter is the paper's.
+BASINS_CAP: Final = 20_000
+LIFETIMES_CAP: Final = 5_000
+# Lifetimes need the orbits only, which few initial conditions find.
+LIFETIMES_INITIAL_CONDITIONS: Final = 256
+LIFETIMES_HOLD: Final = 20_000
+# Impacts of a finite-time exponent.
+EXPONENT_IMPACTS: Final = 50

@@ -1,0 +1,87 @@
+"""The picture of a dataset, whichever study it is from."""
+
+import importlib
+from pathlib import Path
+from typing import Any, Final, TYPE_CHECKING
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from .style import Looks
+
+if TYPE_CHECKING:
+    import xarray
+
+# The pictures of each study: what is added to the name of the file, and who draws it.
+PICTURES: Final = {
+    'attractors': {'': 'grids.draw_attractors'},
+    'basins': {'': 'grids.draw_basins'},
+    'continuation': {'': 'diagrams.draw_shares'},
+    'crisis': {'': 'crisis.draw_law'},
+    'exponents': {'': 'grids.draw_exponents'},
+    'lifetimes': {'': 'grids.draw_lifetimes', 'survival': 'grids.draw_survival'},
+    'orbit_diagram': {'': 'diagrams.draw_diagram'},
+    'section': {'': 'section.draw_section'},
+}
+# Letters stay letters, which journals ask for: no outlines, no fonts of Type 3.
+FONTS: Final[Any] = {'pdf.fonttype': 42, 'ps.fonttype': 42, 'svg.fonttype': 'none'}
+
+
+def draw(dataset: 'xarray.Dataset', **looks: Any) -> Figure:
+    """
+    Draw a dataset.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        As a study returns it, or `open_dataset`.
+    **looks
+        `title`; `dpi`; and `colours`, a colour map of matplotlib or 'paper'.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Ready to be saved.
+
+    """
+    return _drawn(dataset, '', Looks(**looks))
+
+
+def save(dataset: 'xarray.Dataset', path: Path | str, **looks: Any) -> list[Path]:
+    """
+    Draw a dataset into a file, and what belongs beside it into others.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        As a study returns it, or `open_dataset`.
+    path : Path or str
+        Ends in .png, .pdf, .svg or .jpg.
+    **looks
+        As `draw` takes them.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    """
+    written = []
+    for suffix in PICTURES[dataset.attrs['tool']]:
+        path = Path(path)
+        name = path.with_name(f'{path.stem}-{suffix}{path.suffix}') if suffix else path
+        with rc_context(FONTS):
+            _drawn(dataset, suffix, Looks(**looks)).savefig(name)
+        written.append(name)
+    return written
+
+
+def _drawn(dataset: 'xarray.Dataset', which: str, looks: Looks) -> Figure:
+    tool = dataset.attrs.get('tool')
+    if tool not in PICTURES:
+        raise ValueError(f'the dataset is of {tool!r}, which has no picture; there are '
+                         f'{", ".join(PICTURES)}')
+    module, function = PICTURES[tool][which].split('.')
+    drawn: Figure = getattr(importlib.import_module(f'.{module}', __package__), function)(
+        dataset, looks)
+    return drawn

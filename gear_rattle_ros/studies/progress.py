@@ -1,0 +1,70 @@
+"""Progress of long work on a terminal: rate and time left."""
+
+import math
+import time
+from typing import Final, Self, TextIO
+
+# Time between two reports, on a terminal and elsewhere [s].
+ON_TERMINAL: Final = 0.3
+ELSEWHERE: Final = 10.0
+
+
+class Progress:
+    """
+    Progress with rate and time left.
+
+    On a terminal it is one line that is overwritten, elsewhere a line now and then, and nothing
+    where it is `quiet`. It ends with its context.
+    """
+
+    def __init__(self, name: str, total: int, stream: TextIO, quiet: bool = False) -> None:
+        self._every = math.inf if quiet else ON_TERMINAL if stream.isatty() else ELSEWHERE
+        self._name = name
+        self._total = total
+        self._stream = stream
+        self._terminal = stream.isatty()
+        self._begin = self._reported = time.monotonic()
+        self._done = self._impacts = self._before = 0
+
+    def skip(self, done: int) -> None:
+        """Count things done by an earlier run: they say nothing about the rate."""
+        self._done += done
+        self._before += done
+
+    def add(self, done: int, impacts: int = 0) -> None:
+        """Count things done just now, and the impacts that they took."""
+        self._done += done
+        self._impacts += impacts
+        now = time.monotonic()
+        if now - self._reported >= self._every:
+            self._reported = now
+            self._report(now - self._begin)
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Leave the line of the terminal."""
+        if self._terminal and self._reported > self._begin:
+            self._stream.write('\r\x1b[K')
+            self._stream.flush()
+
+    def _report(self, seconds: float) -> None:
+        fresh = self._done - self._before
+        left = (self._total - self._done) * seconds / fresh if fresh else math.inf
+        line = f'{self._name}: {self._done:,} of {self._total:,}'
+        if self._impacts:
+            line += f', {self._impacts / seconds / 1e6:.1f} million impacts/s'
+        line += f', {in_words(left)} left' if fresh else ''
+        self._stream.write(f'\r{line}\x1b[K' if self._terminal else line + '\n')
+        self._stream.flush()
+
+
+def in_words(seconds: float) -> str:
+    """Put a duration [s] in words."""
+    if seconds < 99.5:
+        return f'{seconds:.0f} s'
+    if seconds < 99.5 * 60.0:
+        return f'{seconds / 60.0:.0f} min'
+    return f'{seconds / 3600.0:.1f} h'

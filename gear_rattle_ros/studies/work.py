@@ -1,0 +1,62 @@
+"""How a study runs and where its dataset is kept: the keywords that every study takes."""
+
+import dataclasses
+from pathlib import Path
+import sys
+from typing import TypedDict
+
+from .progress import Progress
+from ..store.layout import Layout
+from ..store.making import make_store
+from ..store.store import Store
+
+
+class WorkOptions(TypedDict, total=False):
+    """Keywords of every study, which `Work` explains."""
+
+    store: Path | str | None
+    resume: bool
+    threads: int | None
+    cluster: str | None
+    command: str
+    progress: bool | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """
+    How a study runs and where its dataset is kept.
+
+    Attributes
+    ----------
+    store : Path or str, optional
+        Directory of the Zarr store; without one the dataset is in memory only.
+    resume : bool
+        Whether to go on with a store that exists.
+    threads : int, optional
+        By default one for each processor.
+    cluster : str, optional
+        Address of a Dask scheduler, whose workers see the store.
+    command : str
+        The command line that does the same, kept in the dataset.
+    progress : bool, optional
+        Whether to report progress on stderr; by default where that is a terminal.
+
+    """
+
+    store: Path | str | None = None
+    resume: bool = False
+    threads: int | None = None
+    cluster: str | None = None
+    command: str = ''
+    progress: bool | None = None
+
+    def open(self, layout: Layout) -> Store:
+        """Make the store, or open the one to go on with; StoreError where neither can be."""
+        return make_store(None if self.store is None else Path(self.store), layout, self.command,
+                          resume=self.resume)
+
+    def report(self, name: str, total: int) -> Progress:
+        """Begin to report progress; `total` counts initial conditions or the like."""
+        reports = sys.stderr.isatty() if self.progress is None else self.progress
+        return Progress(name, total, sys.stderr, quiet=not reports)
