@@ -19,7 +19,7 @@ import numpy as np
 
 from .catalogue import BATCH, Catalogue, follow, go_on, HOLD, moved, TOLERANCE
 from .grid import Plane
-from ..core.chaos import chaotic_sets, ChaoticSet, Effort, THOROUGH
+from ..core.chaos import chaotic_sets, ChaoticSet, Effort, fill_lanes, THOROUGH
 from ..core.classify import RecordArray, UNRESOLVED
 from ..core.closed_orbits import close_orbit, NEAR, Orbit
 from ..core.lanes_step import LANES
@@ -41,8 +41,6 @@ STAYS: Final = (128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)
 SETS_MOST: Final = 60
 # Impacts of each trajectory that are kept at the most; what is wanted beyond is only followed.
 TRACED: Final = 40_000
-# States that are used again to fill all lanes differ by this [1].
-NUDGE: Final = 1e-7
 
 Check: TypeAlias = Callable[[], None]
 CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attractors'
@@ -172,8 +170,7 @@ class _Search:
         """Find the sets that nothing leaves, and orbits to which some leave."""
         plain, found = self._plain, list[ChaoticSet]()
         wanted = CONFIRMED * plain.hold
-        states = self.unsettled[np.arange(LANES) % len(self.left)]
-        states['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(self.left))
+        states = fill_lanes(self.unsettled)
         ends = states[:0]
         check()
         length = min(max(wanted // LANES, effort.length), TRACED)
@@ -187,8 +184,7 @@ class _Search:
                 continue
             if chaos.impacts < wanted:
                 # Few trajectories came there: they go on in all lanes.
-                more = chaos.states[np.arange(LANES) % len(chaos.states)]
-                more['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(chaos.states))
+                more = fill_lanes(chaos.states)
                 results = follow(more, -(-(wanted - chaos.impacts) // LANES),
                                  self.catalogue().table, **self._settings)
                 ends = np.concatenate([ends, moved(more, results)])
