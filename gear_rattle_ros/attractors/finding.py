@@ -21,7 +21,7 @@ from .catalogue import BATCH, Catalogue, follow, go_on, moved
 from .plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.lanes_step import LANES
-from ..core.many.chaotic_sets import chaotic_sets, ChaoticSet, Effort, THOROUGH
+from ..core.many.chaotic_sets import chaotic_sets, ChaoticSet, Effort, fill_lanes, THOROUGH
 from ..core.many.recognition import find_orbit, with_neighbourhood
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import RecordArray, UNRESOLVED
@@ -40,8 +40,6 @@ STAYS: Final = (128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)
 SETS_MOST: Final = 60
 # Impacts of each trajectory that are kept at the most; what is wanted beyond is only followed.
 TRACED: Final = 40_000
-# States that are used again to fill all lanes differ by this [1].
-NUDGE: Final = 1e-7
 
 Check: TypeAlias = Callable[[], None]
 CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attractors'
@@ -171,8 +169,7 @@ class _Search:
         """Find the sets that nothing leaves, and orbits to which some leave."""
         plain, found = self._plain, list[ChaoticSet]()
         wanted = CONFIRMED * plain.hold
-        states = self.unsettled[np.arange(LANES) % len(self.left)]
-        states['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(self.left))
+        states = fill_lanes(self.unsettled)
         ends = states[:0]
         check()
         length = min(max(wanted // LANES, effort.length), TRACED)
@@ -186,8 +183,7 @@ class _Search:
                 continue
             if chaos.impacts < wanted:
                 # Few trajectories came there: they go on in all lanes.
-                more = chaos.states[np.arange(LANES) % len(chaos.states)]
-                more['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(chaos.states))
+                more = fill_lanes(chaos.states)
                 results = follow(more, -(-(wanted - chaos.impacts) // LANES),
                                  self.catalogue().table, **self._settings)
                 ends = np.concatenate([ends, moved(more, results)])

@@ -11,7 +11,9 @@ from gear_rattle_ros.attractors.catalogue import Catalogue, Kind
 from gear_rattle_ros.attractors.columns import find_branches, Window
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.core.flight.lanes import IMPACT
 from gear_rattle_ros.core.flight.simulation import Simulation
+from gear_rattle_ros.core.many.chaotic_sets import BRIEF, count_pieces, SWEEP, THOROUGH
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
@@ -176,6 +178,39 @@ def test_pieces_of_b(alpha, pieces):
     catalogue = find_attractors(parameters, Plane().draw(parameters, 60, 1), hold=10_000)
     chaos, = (each for each in catalogue.attractors if each.kind is Kind.CHAOTIC)
     assert chaos.pieces == pieces
+    # What returns to where it was has been in every piece equally often.
+    assert np.count_nonzero(chaos.chaos.origin['displacement'] == 0.0) % pieces == 0
+
+
+@pytest.mark.parametrize('values', [
+    (0.2,), *(pytest.param(one, marks=pytest.mark.long) for one in (
+        (0.5655,), (0.5675,), (0.9,), (1.22,), (1.58,), (1.7,), (20.0, 0.3)))],
+    ids=named)
+def test_the_name_of_chaos_depends_on_neither_seed_nor_number_nor_effort(values):
+    """Nor does the number of its pieces, where an orbit in it is seldom come near to."""
+    found = set()
+    for seed, count, hold, effort in (
+            (1, 300, 20_000, BRIEF), (5, 60, 20_000, BRIEF), (4, 100, 20_000, THOROUGH),
+            (2, 96, 5_000, SWEEP), (3, 200, 3_000, SWEEP), (4, 100, 2_000, BRIEF)):
+        parameters = Parameters(*values)
+        catalogue = find_attractors(parameters, Plane().draw(parameters, count, seed),
+                                    hold=hold, effort=effort)
+        found |= {(each.key, each.pieces) for each in catalogue.attractors
+                  if each.kind is Kind.CHAOTIC}
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize('pieces', [1, 2, 3, 12])
+def test_pieces_are_counted_across_trajectories(pieces):
+    """Points are drawn from known pieces in turn; each trajectory begins in one of its own."""
+    random = np.random.default_rng(7)
+    rows = np.zeros((8, 800), IMPACT)
+    turns = np.arange(400) + random.integers(100, size=(8, 1))
+    rows['velocity'][:, ::2] = 0.5
+    rows['phase'][:, ::2] = 0.4 * (turns % pieces) + 0.01 * random.random((8, 400))
+    # Impacts on the other wall do not count.
+    rows['velocity'][:, 1::2] = -0.5
+    assert count_pieces(rows) == pieces
 
 
 def test_what_keeps_areas_has_no_attractors():

@@ -1,6 +1,7 @@
 """Chaotic sets: where trajectories move that settle on no orbit, as boxes of the section."""
 
 import dataclasses
+import functools
 import math
 from typing import Final
 
@@ -11,8 +12,9 @@ from .recorded import record_impacts, starts_after
 from .settling import BOXES, cell_of, RecordArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
+from ..flight.lanes_step import LANES
 from ..flight.simulation import Simulation
-from ..model import EventArray, Parameters, State
+from ..model import Parameters, State
 from ..orbits.orbit import close_near, Orbit
 from ..orbits.section import distance, distances, shortest_recurrence
 from ..stream.lyapunov import LyapunovReport, RunningLyapunov
@@ -20,18 +22,26 @@ from ..stream.lyapunov import LyapunovReport, RunningLyapunov
 # Trajectories that have so much of their boxes in common are on the same set.
 OVERLAP: Final = 0.5
 # The orbit that names a set: its longest period, how near impacts must recur, and how near others
-# are taken to lead to the same; the orbits that are tried for a period, the impacts of each
-# trajectory that are searched, and the share of them that come near to an orbit that counts.
+# are taken to lead to the same; the orbits that are tried for a period, the impacts that are
+# searched, and the share of them that come near to each of its points.
 LONGEST: Final = 64
-RECURS: Final = 0.02
+RECURS: Final = 0.06
 ALIKE: Final = 0.01
 TRIED: Final = 60
-NAMED: Final = 3_000
-VISITED: Final = 1e-4
+NAMED: Final = 96_000
+VISITED: Final = 6e-5
+# So many times as often they come near to an orbit beyond doubt.
+CERTAIN: Final = 3.0
 UNNAMED: Final = 'none'
-# Pieces are told apart on so many boxes along an edge; at most so many are counted.
+# What decides otherwise: so many impacts from the orbit itself, its points rounded to so many
+# digits, after those that lead away from it.
+DECIDED: Final = 96_000
+DIGITS: Final = 6
+LEADS_AWAY: Final = 200
+# Trajectories that follow the same impacts start so far apart [1].
+NUDGE: Final = 1e-7
+# Pieces are told apart on so many boxes along an edge.
 FINE: Final = 4096
-PIECES_MOST: Final = 64
 # Boxes are as large as it takes that so many impacts of a trajectory fall into each, but no larger
 # than with so many along an edge.
 FILLED: Final = 8
@@ -55,7 +65,7 @@ class Effort:
     coarser : int
         Boxes are filled in blocks of so many along an edge at least.
     averaged : int
-        Impacts over which exponents are averaged and pieces counted.
+        Impacts over which exponents are averaged.
 
     """
 
@@ -69,9 +79,9 @@ class Effort:
 GLANCE: Final = (300, 200, 64)
 THOROUGH: Final = Effort((GLANCE, (2_000, 200, 64), (10_000, 200, 64), (30_000, 1_600, 512)),
                          24_000, 1, 200_000)
-BRIEF: Final = Effort((GLANCE, (2_000, 1_600, 512)), 2_000, 8, 20_000)
+BRIEF: Final = Effort((GLANCE, (2_000, 1_600, 512)), 3_000, 8, 20_000)
 # One of many amplitudes.
-SWEEP: Final = Effort((GLANCE, (3_000, 600, 256)), 2_000, 8, 8_000)
+SWEEP: Final = Effort((GLANCE, (3_000, 600, 256)), 3_000, 8, 8_000)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,12 +102,11 @@ class ChaoticSet:
     recurs : ndarray of bool, shape (n,)
         Which of these trajectories have come to recur: they have left for an orbit. All of them
         where others have come to rest.
-    pieces : int
-        Parts that are visited in turn: the greatest k for which impacts n, n + k, n + 2 k, ... on
-        one wall (the upper, if it is touched) never come where those from n + 1 on do.
     orbit : str
         Name of the shortest periodic orbit in it, which repels; averages over the set are known
         with an error and fall on both sides of any rounding, an orbit is exact.
+    origin : ndarray of START, shape (m,)
+        The impacts of that orbit: what starts there is the same whichever trajectories showed it.
     exponents : LyapunovReport
         Of its first trajectory.
 
@@ -108,14 +117,24 @@ class ChaoticSet:
     states: RecordArray
     impacts: int
     recurs: npt.NDArray[np.bool_]
-    pieces: int
     orbit: str
+    origin: RecordArray
     exponents: LyapunovReport
 
     @property
     def key(self) -> str:
         """Name as an attractor."""
         return f'chaotic-{self.orbit}'
+
+    @functools.cached_property
+    def pieces(self) -> int:
+        """
+        Return how many parts are visited in turn.
+
+        It is the greatest k for which impacts n, n + k, n + 2 k, ... on one wall (the upper, if it
+        is touched) never come where those from n + 1 on do.
+        """
+        return count_pieces(rows_from(self.origin))
 
 
 def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
@@ -157,16 +176,19 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
     # What settles on an orbit recurs at the end, whether that orbit is known or not.
     _, look, longest = effort.stages[-1]
     recurs = np.array([shortest_recurrence(row[-look:], longest, tolerance) > 0 for row in rows])
-    named: dict[str, list[int]] = {}
+    named: dict[str, tuple[list[int], Orbit | None]] = {}
     for members in _grouped(hit):
         on = [number for number in members if whole[number]]
-        name = shortest_orbit(parameters, rows[on, :NAMED])
+        leaves = len(on) < len(members) or np.any(recurs[on])
+        orbit = shortest_orbit(parameters, rows[on] if leaves else enough_of(
+            parameters, rows[on]))
+        name = orbit.name if orbit else UNNAMED
         # An orbit belongs to one set: groups of one name are one.
         name = f'{name}-{len(named)}' if name == UNNAMED and name in named else name
-        named.setdefault(name, []).extend(members)
+        named.setdefault(name, ([], orbit))[0].extend(members)
     sets = []
-    for name in sorted(named):
-        members = sorted(named[name])
+    for name, (members, orbit) in sorted(named.items()):
+        members.sort()
         on = [number for number in members if whole[number]]
         if not on:
             continue
@@ -174,10 +196,11 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
         states = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                               last['velocity'])
         boxes = hit[members].any(axis=0).repeat(BOXES // edge, 1).repeat(BOXES // edge, 2)
-        exponents, pieces = averages(parameters, states[0], effort.averaged)
         # Those that have come to rest have left, too.
         sets.append(ChaoticSet(boxes, speed, states, len(on) * length,
-                               recurs[on] | (len(on) < len(members)), pieces, name, exponents))
+                               recurs[on] | (len(on) < len(members)), name,
+                               starts_from(orbit) if orbit else states,
+                               averages(parameters, states[0], effort.averaged)))
     return sets
 
 
@@ -192,36 +215,79 @@ def mark_boxes(row, speed, boxes, edge):  # type: ignore[no-untyped-def]
             boxes[box] = True
 
 
-def shortest_orbit(parameters: Parameters, rows: RecordArray) -> str:
-    """
-    Name the shortest periodic orbit in a chaotic set; `UNNAMED` if none up to `LONGEST` is seen.
+def fill_lanes(states: RecordArray) -> RecordArray:
+    """Use states again, nudged, until there are as many as lanes."""
+    filled = states[np.arange(LANES) % len(states)]
+    filled['velocity'] *= 1.0 + NUDGE * (np.arange(LANES) // len(states))
+    return filled
 
-    Of those with the fewest impacts that trajectories often come near to, it is the first by drive
-    periods, wall and phase: nothing of that depends on the trajectories.
+
+def enough_of(parameters: Parameters, rows: RecordArray) -> RecordArray:
+    """Return `NAMED` impacts of trajectories, however few there are and however short."""
+    each = -(-NAMED // len(rows))
+    if rows.shape[1] >= each:
+        return np.ascontiguousarray(rows[:, :each])
+    last = rows[:, -1]
+    starts = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
+                          last['velocity'])
+    more, made = record_impacts(fill_lanes(starts), 0, NAMED // LANES)
+    return more if np.all(made == more.shape[1]) else rows
+
+
+def shortest_orbit(parameters: Parameters, rows: RecordArray) -> Orbit | None:
+    """
+    Find the orbit that names a chaotic set: the shortest in it; None if none is seen.
+
+    Of those with the fewest impacts it is the first by drive periods, wall and phase. Where the
+    trajectories do not decide whether an orbit is in the set, those that start from it do.
     """
     for q in range(1, LONGEST + 1):
-        places, apart = close_returns(rows, q, RECURS)
-        near = places[np.argsort(apart, kind='stable')]
-        found: list[Orbit] = []
-        for _ in range(TRIED):
-            if not len(near):
-                break
-            row, first = near[0]
-            orbit = close_near(parameters, rows[row, first:first + q])
-            seen = [(rows[row, first]['phase'], rows[row, first]['velocity'])]
-            if orbit is not None and orbit.impacts == q:
-                seen += orbit.points.tolist()
-                phase, velocity = orbit.points[0]
-                if visits(rows, phase, velocity, ALIKE) > VISITED * rows.size:
-                    found.append(orbit.canonical())
-            here = rows[near[:, 0], near[:, 1]]
-            for phase, velocity in seen:
-                gone = distances(here['velocity'], here['phase'], velocity, phase) < ALIKE
-                near, here = near[~gone], here[~gone]
-        if found:
-            return min(found, key=lambda orbit: (
-                orbit.drive_periods, orbit.walls[0], orbit.phases[0])).name
-    return UNNAMED
+        for orbit in sorted(orbits_in(parameters, rows, q), key=lambda orbit: (
+                orbit.drive_periods, orbit.walls[0], orbit.phases[0])):
+            seen = seldom(rows, orbit)
+            if seen >= CERTAIN * VISITED or seen > 0.0 and seldom(
+                    rows_from(starts_from(orbit)), orbit) >= VISITED:
+                return orbit
+    return None
+
+
+def orbits_in(parameters: Parameters, rows: RecordArray, q: int) -> list[Orbit]:
+    """Find the periodic orbits of q impacts near which trajectories recur."""
+    places, apart = close_returns(rows, q, RECURS)
+    near = places[np.argsort(apart, kind='stable')]
+    found: dict[str, Orbit] = {}
+    for _ in range(TRIED):
+        if not len(near):
+            break
+        row, first = near[0]
+        orbit = close_near(parameters, rows[row, first:first + q])
+        seen = [(rows[row, first]['phase'], rows[row, first]['velocity'])]
+        if orbit is not None and orbit.impacts == q:
+            seen += orbit.points.tolist()
+            found[orbit.canonical().name] = orbit.canonical()
+        here = rows[near[:, 0], near[:, 1]]
+        for phase, velocity in seen:
+            gone = distances(here['velocity'], here['phase'], velocity, phase) < ALIKE
+            near, here = near[~gone], here[~gone]
+    return list(found.values())
+
+
+def seldom(rows: RecordArray, orbit: Orbit) -> float:
+    """Return the share of impacts near that point of an orbit that the fewest come near to."""
+    fewest = min(visits(rows, phase, velocity, ALIKE) for phase, velocity in orbit.points)
+    return fewest / max(1, rows.size)
+
+
+def starts_from(orbit: Orbit) -> RecordArray:
+    """Return the impacts of an orbit as starts: the same to the bit, however it was found."""
+    return starts_after(orbit.parameters, orbit.walls, np.round(orbit.phases, DIGITS),
+                        np.round(orbit.velocities, DIGITS))
+
+
+def rows_from(starts: RecordArray) -> RecordArray:
+    """Follow starts in all lanes; only trajectories that do not end."""
+    rows, made = record_impacts(fill_lanes(starts), LEADS_AWAY, DECIDED // LANES)
+    return rows[made == rows.shape[1]]
 
 
 @kernel
@@ -256,32 +322,58 @@ def visits(rows, phase, velocity, most):  # type: ignore[no-untyped-def]
     return count
 
 
-def averages(parameters: Parameters, start: np.void, impacts: int) -> tuple[LyapunovReport, int]:
-    """Average exponents along one trajectory, and count the pieces that it visits in turn."""
+def averages(parameters: Parameters, start: np.void, impacts: int) -> LyapunovReport:
+    """Average exponents along one trajectory."""
     simulation = Simulation(parameters, State(
         0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
     running = RunningLyapunov()
-    batches = []
     while simulation.impacts < impacts and not simulation.is_resting_for_ever:
         cycle, _ = simulation.moment
-        batches.append(simulation.advance(cycle + impacts, 0.0, 20_000))
-        running.update(batches[-1])
-    return running.report(), count_pieces(np.concatenate(batches))
+        running.update(simulation.advance(cycle + impacts, 0.0, 20_000))
+    return running.report()
 
 
-def count_pieces(events: EventArray) -> int:
-    """Count the parts of a set that a long trajectory visits in turn; see `ChaoticSet`."""
-    impacts = events[events['velocity'] != 0.0]
-    upper = impacts['velocity'] > 0.0
-    impacts = impacts[upper if upper.any() else ~upper]
-    speed = np.abs(impacts['velocity'])
-    row = (speed * (FINE / (ROOM * float(np.max(speed))))).astype(np.int64)
-    box = row * FINE + (impacts['phase'] * (FINE / TWO_PI)).astype(np.int64)
+def count_pieces(rows: RecordArray) -> int:
+    """Count the parts of a set that trajectories visit in turn; see `ChaoticSet`."""
+    if not rows.size:
+        return 1
+    upper = rows['velocity'] > 0.0
+    counted = upper if upper.any() else ~upper
+    row, _ = np.nonzero(counted)
+    turn = np.cumsum(counted, axis=1)[counted]
+    speed = np.abs(rows['velocity'][counted])
+    box = (speed * (FINE / (ROOM * float(np.max(speed))))).astype(np.int64) * FINE
+    box += (rows['phase'][counted] * (FINE / TWO_PI)).astype(np.int64)
     order = np.argsort(box, kind='stable')
-    same = box[order[1:]] == box[order[:-1]]
-    first, second = order[:-1][same], order[1:][same]
-    return max(k for k in range(1, PIECES_MOST + 1)
-               if k == 1 or not np.any((second - first) % k))
+    return max(1, common_period(box[order], row[order], turn[order], len(rows)))
+
+
+@kernel
+def common_period(box, row, turn, rows):  # type: ignore[no-untyped-def]
+    """Return the greatest k so that what shares a box shares its turn modulo k; 0 for any k."""
+    # Each row is ahead of another by `ahead` turns, as far as a box that they share tells.
+    other = np.arange(rows)
+    ahead = np.zeros(rows, np.int64)
+    period = 0
+    for n in range(1, len(box)):
+        if box[n] != box[n - 1]:
+            continue
+        a, b = row[n - 1], row[n]
+        apart = turn[n - 1] - turn[n]
+        while other[a] != a:
+            apart += ahead[a]
+            a = other[a]
+        while other[b] != b:
+            apart -= ahead[b]
+            b = other[b]
+        if a != b:
+            other[a] = b
+            ahead[a] = -apart
+            continue
+        apart = abs(apart)
+        while apart:
+            period, apart = apart, period % apart
+    return period
 
 
 def _grouped(hit: npt.NDArray[np.bool_]) -> list[list[int]]:
