@@ -1,1 +1,75 @@
-"""Gear rattling as a live laboratory: simulate, steer, analyse, record, replay and watch."""
+"""
+Gear rattling: the impact oscillator of de Souza & Caldas, live on ROS 2 and as a library.
+
+What programs need stands here; each name is imported when it is used first.
+"""
+
+import importlib
+import importlib.metadata
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .attractors.catalogue import Catalogue as Catalogue
+    from .attractors.finding import find_attractors as find_attractors
+    from .attractors.plane import Plane as Plane
+    from .bags.reader import Bag as Bag, read_bag as read_bag
+    from .core.flight.simulation import Simulation as Simulation
+    from .core.model import EVENT as EVENT, EventKind as EventKind, Parameters as Parameters, \
+        State as State, Wall as Wall
+    from .core.stream.lyapunov import RunningLyapunov as RunningLyapunov
+    from .core.stream.reconstruction import rebuild as rebuild
+    from .core.stream.transients import TransientDetector as TransientDetector
+    from .figures.draw import draw as draw, save as save
+    from .store.store import open_dataset as open_dataset
+    from .studies.basins import basins as basins
+    from .studies.continuation import continuation as continuation
+    from .studies.crisis import crisis as crisis
+    from .studies.exponents import exponents as exponents
+    from .studies.lifetimes import lifetimes as lifetimes
+    from .studies.orbit_diagram import orbit_diagram as orbit_diagram
+    from .studies.section import section as section
+
+# Where each name stands.
+PLACES = {
+    'Bag': 'bags.reader',
+    'Catalogue': 'attractors.catalogue',
+    'EVENT': 'core.model',
+    'EventKind': 'core.model',
+    'Parameters': 'core.model',
+    'Plane': 'attractors.plane',
+    'RunningLyapunov': 'core.stream.lyapunov',
+    'Simulation': 'core.flight.simulation',
+    'State': 'core.model',
+    'TransientDetector': 'core.stream.transients',
+    'Wall': 'core.model',
+    'basins': 'studies.basins',
+    'continuation': 'studies.continuation',
+    'crisis': 'studies.crisis',
+    'draw': 'figures.draw',
+    'exponents': 'studies.exponents',
+    'find_attractors': 'attractors.finding',
+    'lifetimes': 'studies.lifetimes',
+    'open_dataset': 'store.store',
+    'orbit_diagram': 'studies.orbit_diagram',
+    'read_bag': 'bags.reader',
+    'rebuild': 'core.stream.reconstruction',
+    'save': 'figures.draw',
+    'section': 'studies.section',
+}
+__all__ = sorted([*PLACES, '__version__'])
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is used first."""
+    if name == '__version__':
+        return importlib.metadata.version(__name__)
+    if name not in PLACES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(importlib.import_module(f'.{PLACES[name]}', __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List what stands here."""
+    return __all__

@@ -102,7 +102,7 @@ def test_those_that_go_on_as_one_count_as_one():
                     np.array([0]), np.array([False]))
     alone = estimate_escape(np.zeros(1001, np.int64), 0, 500, merged)
     assert (alone.mean, alone.mean_error, alone.censored) == (10_000.0, 0.0, 50)
-    assert np.isnan(alone.rate) and 'from 50 of them the mass sticks' in alone.describe()
+    assert np.isnan(alone.rate) and 'from 50 of them the driven gear sticks' in alone.describe()
 
 
 def test_a_shared_trajectory_without_an_end_has_the_error_of_one():
