@@ -5,7 +5,6 @@ What programs need stands here; each name is imported when it is used first.
 """
 
 import importlib
-import importlib.metadata
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -62,6 +61,8 @@ __all__ = sorted([*PLACES, '__version__'])
 def __getattr__(name: str) -> Any:
     """Import a name when it is used first."""
     if name == '__version__':
+        # Only here: the import takes as long as the options of a command.
+        import importlib.metadata
         return importlib.metadata.version(__name__)
     if name not in PLACES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
