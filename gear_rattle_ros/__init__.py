@@ -62,8 +62,8 @@ def __getattr__(name: str) -> Any:
     """Import a name when it is used first."""
     if name == '__version__':
         # Only here: the import takes as long as the options of a command.
-        import importlib.metadata
-        return importlib.metadata.version(__name__)
+        from importlib.metadata import version
+        return version(__name__)
     if name not in PLACES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     value = getattr(importlib.import_module(f'.{PLACES[name]}', __name__), name)
