@@ -13,8 +13,13 @@ if TYPE_CHECKING:
     from .attractors.plane import Plane as Plane
     from .bags.reader import Bag as Bag, read_bag as read_bag
     from .core.flight.simulation import Simulation as Simulation
-    from .core.model import EVENT as EVENT, EventKind as EventKind, Parameters as Parameters, \
-        State as State, Wall as Wall
+    from .core.model import (
+        EVENT as EVENT,
+        EventKind as EventKind,
+        Parameters as Parameters,
+        State as State,
+        Wall as Wall,
+    )
     from .core.stream.lyapunov import RunningLyapunov as RunningLyapunov
     from .core.stream.reconstruction import rebuild as rebuild
     from .core.stream.transients import TransientDetector as TransientDetector

@@ -141,19 +141,10 @@ class Attractor:
 
     def points(self, box_limit: int | None = None) -> FloatArray:
         """
-        List where it hits the walls.
+        List where it hits the walls: wall, phase [rad] and velocity before the impact [1] by row.
 
-        Parameters
-        ----------
-        box_limit : int, optional
-            About how many boxes of a chaotic attractor are listed at the most.
-
-        Returns
-        -------
-        ndarray of float, shape (n, 3)
-            Wall, phase [rad] and velocity just before the impact [1]; of an orbit the impacts of
-            one period, of a chaotic attractor the centres of its boxes.
-
+        Of an orbit the impacts of one period, of a chaotic attractor the centres of its boxes,
+        about `box_limit` of them at the most.
         """
         if self.orbit:
             return np.column_stack([self.orbit.walls, self.orbit.points])
@@ -350,28 +341,9 @@ def go_on() -> None:
 def follow(starts: RecordArray, cap: int, table: Table, *, threads: int | None = None,
            cluster: str | None = None, check: Any = go_on) -> RecordArray:
     """
-    Follow initial conditions until they settle.
+    Follow initial conditions until they settle, for at most `cap` impacts; return their RESULT.
 
-    Parameters
-    ----------
-    starts : ndarray of START, shape (n,)
-        The initial conditions.
-    cap : int
-        Impacts after which one is unsettled.
-    table : Table
-        Known attractors.
-    threads : int, optional
-        How many; by default one for each processor.
-    cluster : str, optional
-        Address of a Dask scheduler that follows them instead.
-    check : callable
-        Called after each batch; raises to give up.
-
-    Returns
-    -------
-    ndarray of RESULT, shape (n,)
-        What became of them.
-
+    `check` is called after each batch and raises to give up.
     """
     results = np.zeros(len(starts), RESULT)
     # At least two batches, for as many threads.

@@ -227,28 +227,9 @@ def carried(orbits: tuple[Orbit, ...], parameters: Parameters, tolerance: float)
 def orbits_among(parameters: Parameters, states: RecordArray, count: int, longest: int,
                  tolerance: float, check: Check = go_on) -> list[Orbit]:
     """
-    Find the stable periodic orbits that trajectories approach.
+    Find the stable periodic orbits of at most `longest` impacts that trajectories approach.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the model.
-    states : ndarray of START, shape (n,)
-        States of the trajectories.
-    count : int
-        Impacts that are looked at.
-    longest : int
-        Longest period [impacts].
-    tolerance : float
-        Largest difference of recurring impacts [1].
-    check : callable
-        Called for every batch of trajectories; raises to give up.
-
-    Returns
-    -------
-    list of Orbit
-        In the order of their keys.
-
+    Of each trajectory `count` impacts are looked at; the orbits come in the order of their keys.
     """
     found: dict[str, Orbit] = {}
     for first in range(0, len(states), BATCH):

@@ -25,15 +25,8 @@ class Trace:
     """
     An attractor that has a number.
 
-    Attributes
-    ----------
-    hue : int
-        Its number, from 0 on, which is that of its colour.
-    points : ndarray of float, shape (n, 3)
-        Wall (0 upper, 1 lower), phase [rad] and velocity [1] of its impacts.
-    is_chaotic : bool
-        Whether it is no orbit.
-
+    `hue`: its number, from 0 on, which is that of its colour; `points`: wall (0 upper, 1 lower),
+    phase [rad] and velocity [1] of its impacts; `is_chaotic`: whether it is no orbit.
     """
 
     hue: int
@@ -42,40 +35,17 @@ class Trace:
 
 
 def points_of(catalogue: Catalogue) -> list[tuple[FloatArray, bool]]:
-    """
-    List where the attractors of a catalogue hit the walls.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        What a search has found.
-
-    Returns
-    -------
-    list of tuple
-        In the order of their labels: wall, phase [rad] and velocity [1] of every point, and
-        whether the attractor is chaotic.
-
-    """
+    """List where the attractors of a catalogue hit the walls, by label."""
     return [(each.points(MOST), each.kind is Kind.CHAOTIC) for each in catalogue.attractors
             if each.label >= 0]
 
 
 def distance(first: FloatArray, second: FloatArray) -> float:
     """
-    Tell how far apart two attractors are on the section.
+    Return how far apart the points of two attractors are on the section [1].
 
-    Parameters
-    ----------
-    first, second : ndarray of float, shape (n, 3)
-        Wall, phase [rad] and velocity [1] of their points.
-
-    Returns
-    -------
-    float
-        Mean distance of a point from the nearest of the other [1], the larger of both ways; inf
-        where one has a wall that the other does not touch.
-
+    It is the mean distance of a point from the nearest of the other, the larger of both ways, and
+    inf where one touches a wall that the other does not.
     """
     apart = np.hypot(turn(first[:, None, 1] - second[None, :, 1]),
                      first[:, None, 2] - second[None, :, 2])
@@ -88,23 +58,9 @@ def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
     """
     Give every attractor the number of the one that it was at the parameters before.
 
-    Parameters
-    ----------
-    known : tuple of Trace
-        Attractors at the parameters before.
-    found : list of tuple
-        Attractors now, as `points_of` lists them.
-    is_complete : bool
-        Whether the search has looked for chaotic attractors; if not, their numbers are kept.
-    fresh : int
-        The first number that a new attractor may have.
-
-    Returns
-    -------
-    tuple
-        What is known from now on, and the number of every attractor. The nearest pairs are matched
-        first; the number of one that has vanished is free for the next.
-
+    The nearest pairs are matched first; the number of one that has vanished is free for the next.
+    Where the search was not `is_complete`, the numbers of chaotic attractors are kept; a new one
+    has at least the number `fresh`. Returns what is known from now on, and every number.
     """
     pairs = sorted(
         ((distance(points, trace.points), place, before)

@@ -67,55 +67,16 @@ class Plane:
                                  f'{EDGE_MAXIMUM}')
 
     def phase_values(self, first: int = 0, last: int | None = None) -> FloatArray:
-        """
-        Give the centres of the cells in phase.
-
-        Parameters
-        ----------
-        first, last : int
-            Which cells; all of them by default.
-
-        Returns
-        -------
-        ndarray of float
-            Phases [rad], in the window.
-
-        """
+        """Return the centres of some cells in phase [rad], of all by default."""
         return _centres(self.phase, self.phases, first, last)
 
     def velocity_values(self, first: int = 0, last: int | None = None) -> FloatArray:
-        """
-        Give the centres of the cells in velocity.
-
-        Parameters
-        ----------
-        first, last : int
-            Which cells; all of them by default.
-
-        Returns
-        -------
-        ndarray of float
-            Velocities [1].
-
-        """
+        """Return the centres of some cells in velocity [1], of all by default."""
         return _centres(self.velocity, self.velocities, first, last)
 
     def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
         """
-        Make the starts of some cells; a cell's start does not depend on which others are made.
-
-        Parameters
-        ----------
-        parameters : Parameters
-            Of every trajectory.
-        velocities, phases : slice
-            The cells.
-
-        Returns
-        -------
-        ndarray of START, shape (velocities * phases,)
-            Row by row, velocity first.
-
+        Return the initial conditions of some cells as START, row by row, velocity first.
         """
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
@@ -124,7 +85,7 @@ class Plane:
 
     def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
         """
-        Draw starts uniformly from the window.
+        Draw initial conditions uniformly from the window; the first ones do not depend on the count.
 
         Parameters
         ----------
@@ -147,22 +108,7 @@ class Plane:
                            v0 + (v1 - v0) * drawn[:, 1])
 
     def magnified(self, phase: float, velocity: float, factor: float) -> 'Plane':
-        """
-        Magnify the window about a point, which stays where it is in the picture.
-
-        Parameters
-        ----------
-        phase, velocity : float
-            The point [rad, 1].
-        factor : float
-            How many times, more than 1.
-
-        Returns
-        -------
-        Plane
-            The smaller window, as many cells.
-
-        """
+        """Magnify the window about a point, which stays where it is in the picture."""
         windows = [
             (at - (at - low) / factor, at + (high - at) / factor)
             for at, (low, high) in ((phase, self.phase), (velocity, self.velocity))]
@@ -171,24 +117,7 @@ class Plane:
 
 def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
                             displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> StartArray:
-    """
-    Put initial conditions and parameters together.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of every trajectory.
-    phases : array_like
-        Drive phases [rad], any.
-    displacement, velocities : array_like
-        Displacements in [-1, 0] and velocities [1].
-
-    Returns
-    -------
-    ndarray of START, shape (n,)
-        Phases are brought to [0, 2 pi).
-
-    """
+    """Put initial conditions (phases of any size) and parameters together, as START."""
     starts = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
     turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
     starts['phase'] = np.where(turned >= TWO_PI, 0.0, turned)

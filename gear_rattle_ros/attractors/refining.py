@@ -40,40 +40,11 @@ class Level:
     """
     A grid of initial conditions under way.
 
-    Parameters
-    ----------
-    starts : ndarray of START, shape (n,)
-        The initial conditions, row by row.
-    shape : tuple of int
-        Rows and columns.
-    cap : int
-        Impacts after which one is left as unsettled.
-    seconds : float
-        After this time it is shown as far as it is, and left unless more is sure [s].
-    sure : float
-        Rounds that are made however long they take.
-    is_mixed : bool
-        Follow them in random order, not row by row.
-    begun : Level, optional
-        A coarser one with the same catalogue, which stands in for what was not looked at.
-    slice_impacts : float
-        Impacts between two checks, about.
-
-    Attributes
-    ----------
-    states : ndarray of START, shape (n,)
-        The initial conditions; those that have not settled where they are now.
-    labels, lifetimes : ndarray of int, shape `shape`
-        What they have settled on, and since which impact; of the unsettled ones impacts followed.
-    left, due : ndarray of int
-        Numbers of those that have not settled, and of those that this round has still to follow.
-    rounds, impacts : int
-        Rounds and impacts made.
-    spent : float
-        Time that it took [s].
-    mean : float
-        Impacts of an initial condition in a round.
-
+    `states`: the initial conditions; those that have not settled where they are now; `labels`,
+    `lifetimes`: what they have settled on, and since which impact; of the unsettled ones impacts
+    followed; `left`, `due`: numbers of those that have not settled, and of those that this round
+    has still to follow; `rounds`, `impacts`: rounds and impacts made; `spent`: time that it took
+    [s]; `mean`: impacts of an initial condition in a round.
     """
 
     def __init__(self, starts: RecordArray, shape: tuple[int, int], cap: int, *,
@@ -145,26 +116,7 @@ class Level:
 
 def late_orbits(catalogue: Catalogue, level: Level, most: int = LOOKED_AT, check: Check = go_on
                 ) -> Catalogue:
-    """
-    Look for orbits among what is left of a level.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        What is known.
-    level : Level
-        Followed with it.
-    most : int
-        How many are looked at, spread over what is left.
-    check : callable
-        Called often; raises to give up.
-
-    Returns
-    -------
-    Catalogue
-        With the orbits that are new.
-
-    """
+    """Look for orbits among what is left of a level."""
     chosen = level.left[::max(1, len(level.left) // most)][:most]
     return catalogue.with_orbits(tuple(orbits_among(
         catalogue.parameters, level.states[chosen], *GLANCE[1:], catalogue.tolerance, check)))
@@ -173,27 +125,7 @@ def late_orbits(catalogue: Catalogue, level: Level, most: int = LOOKED_AT, check
 def refine(levels: Iterable[tuple[Level, Catalogue]], *, rounds: tuple[int, ...] = (),
            threads: int | None = None, check: Check = go_on
            ) -> Iterator[tuple[Level, Catalogue, bool]]:
-    """
-    Compute levels, each finer than the one before.
-
-    Parameters
-    ----------
-    levels : iterable of tuple
-        Levels, and what is known at each; the next is asked for when the one before is done.
-    rounds : tuple of int
-        Impacts of the rounds, the last again and again; by default there is one, up to the cap.
-    threads : int, optional
-        How many; by default one for each processor.
-    check : callable
-        Called for every slice, in any thread; raises to give up.
-
-    Yields
-    ------
-    tuple
-        A level, what is known of the attractors, and whether nothing more is made of this level.
-        Where areas are kept nothing settles, and nothing is followed.
-
-    """
+    """Compute levels, each finer than the one before."""
     late: tuple[Orbit, ...] = ()
     mean = GUESS
     for number, (level, known) in enumerate(levels):

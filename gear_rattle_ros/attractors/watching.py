@@ -55,17 +55,9 @@ class Basins:
     """
     One picture.
 
-    Attributes
-    ----------
-    plane : Plane
-        Its cells.
-    labels : ndarray of int, shape (velocities, phases)
-        Attractor of every initial condition, or one of the labels below zero of `classify`.
-    catalogue : Catalogue
-        The attractors.
-    is_complete : bool
-        Whether chaotic attractors have been searched for.
-
+    `plane`: its cells; `labels`: attractor of every initial condition, or one of the labels below
+    zero of `classify`; `catalogue`: the attractors; `is_complete`: whether chaotic attractors have
+    been searched for.
     """
 
     plane: Plane
@@ -87,22 +79,7 @@ def sizes_up_to(largest: int) -> tuple[int, ...]:
 
 
 def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]:
-    """
-    Find the periodic attractors that are seen at once.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the model.
-    hints : ndarray of float, shape (n, 3)
-        Wall, phase [rad] and velocity [1] of impacts near which attractors may be.
-
-    Returns
-    -------
-    tuple
-        What was seen, and the greatest speed of an impact after the transients [1].
-
-    """
+    """Find the periodic attractors that are seen at once."""
     skip = GLANCE[0]
     drawn = Plane().draw(parameters, GLANCED, SEED)
     hinted = make_initial_conditions(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
@@ -118,36 +95,7 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
 
 def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int, threads: int,
           is_dropped: Callable[[], bool]) -> Iterator[Basins]:
-    """
-    Compute pictures, each finer than the one before.
-
-    Parameters
-    ----------
-    seen : Catalogue
-        What was seen at once.
-    planes : sequence of Plane
-        Their cells.
-    on_walls : bool
-        Start at the wall that is moved into, so that the plane is the section of impacts; if
-        not, at the displacement of the plane.
-    cap : int
-        Impacts after which an initial condition of the last picture is unsettled.
-    threads : int
-        How many.
-    is_dropped : callable
-        Tells, from any thread, that no more is wanted.
-
-    Yields
-    ------
-    Basins
-        The next picture; from 400 cells on again as more of it settles.
-
-    Raises
-    ------
-    Dropped
-        As soon as no more is wanted.
-
-    """
+    """Compute pictures, each finer than the one before."""
     parameters = seen.parameters
 
     def check() -> None:

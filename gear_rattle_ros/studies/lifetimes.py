@@ -52,17 +52,10 @@ class Merged:
 
     A row stands for all that stick after the same number of impacts and go on as the same.
 
-    Attributes
-    ----------
-    stick, after : ndarray of int, shape (n,)
-        Impacts until the mass sticks, and from there until it settles.
-    count, censored : ndarray of int, shape (n,)
-        Initial conditions, and those of them that were given up at the cap.
-    trajectory : ndarray of int, shape (n,)
-        Number of the trajectory that they share.
-    is_open : ndarray of bool, shape (n,)
-        Whether that was given up, far beyond the cap, after so many impacts.
-
+    `stick`, `after`: impacts until the mass sticks, and from there until it settles; `count`,
+    `censored`: initial conditions, and those of them that were given up at the cap; `trajectory`:
+    number of the trajectory that they share; `is_open`: whether that was given up, far beyond the
+    cap, after so many impacts.
     """
 
     stick: IntArray
@@ -82,26 +75,16 @@ class Escape:
     """
     Escape times of many initial conditions, censored at a cap.
 
-    Attributes
-    ----------
-    cap : int
-        Impacts after which an initial condition was given up.
-    initial_conditions, censored : int
-        Initial conditions, and those that were given up.
-    begin : int
-        Lifetime from which on the tail is taken to be exponential [impacts].
-    in_tail, escapes : int
-        Those that are independent and live longer than `begin`, and those of them that escape.
-    merged, trajectories : int
-        Initial conditions from which the driven gear sticks, and the trajectories that they share.
-    rate, rate_error : float
-        Escapes per impact of independent trajectories in the tail, and its standard error.
-    mean, mean_error : float
-        Mean lifetime [impacts] and its standard error: as observed up to `begin`, by the
-        exponential tail from there on; inf where nothing escapes. The error is the scatter of
-        the mean when as many initial conditions are drawn at random from the window; the even
-        ones of a grid scatter no more.
-
+    `cap`: impacts after which an initial condition was given up; `initial_conditions`, `censored`:
+    initial conditions, and those that were given up; `begin`: lifetime from which on the tail is
+    taken to be exponential [impacts]; `in_tail`, `escapes`: those that are independent and live
+    longer than `begin`, and those of them that escape; `merged`, `trajectories`: initial
+    conditions from which the driven gear sticks, and the trajectories that they share; `rate`,
+    `rate_error`: escapes per impact of independent trajectories in the tail, and its standard
+    error; `mean`, `mean_error`: mean lifetime [impacts] and its standard error: as observed up to
+    `begin`, by the exponential tail from there on; inf where nothing escapes. The error is the
+    scatter of the mean when as many initial conditions are drawn at random from the window; the
+    even ones of a grid scatter no more.
     """
 
     cap: int
