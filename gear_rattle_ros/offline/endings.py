@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .catalogue import OTHERS
-from .escape_rates import fit_law
+from .escape_rates import fit_law, FITTED
 from .grid import make_starts
 from ..core.branches import Change, follow, is_own_image, Turn
 from ..core.classify import RecordArray, RESTS_LOWER, RESTS_UPPER
@@ -306,7 +306,7 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit
         if share < 1.0:
             hidden = min(hidden, d * share / (1.0 - share))
     beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
-    if len(seen) >= 4:
+    if len(seen) >= FITTED:
         law = fit_law([d for d, _ in seen], [k.rate for _, k in seen], [k.error for _, k in seen])
         if law.alpha_c_error < uncertainty:
             beyond = min(max(law.alpha_c, -hidden), high)
