@@ -199,9 +199,9 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
     direction : float
         Sign of the steps in alpha.
     width : float
-        The first step, and the longest [1].
+        The first step, and the longest: from column to column [1].
     edge : float
-        How far it is followed in alpha [1].
+        How far it is followed in alpha, to a column [1].
     tolerance : float
         The shortest step [1].
     hold : int
@@ -247,9 +247,12 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after.captor, Orbit):
                         return _window(turn, herd)
             else:
-                # A window narrower than a column is no end: chaos is back on its other side.
+                # A window narrower than a column is no end: chaos is back on its other side, or at
+                # the next column.
+                column = edge - direction * width * (
+                    math.ceil(direction * (edge - low) / width - 1e-6) - 1)
                 far = direction * min(direction * _far_side(captor, turn, direction),
-                                      direction * edge)
+                                      direction * column)
                 beyond = watch(_at(herd, far), herd.states, hold, herd)
                 if isinstance(beyond, Herd):
                     herd, low, turn = beyond, far, None

@@ -16,8 +16,10 @@ from gear_rattle_ros.core.simulation import Simulation
 from gear_rattle_ros.offline.basins import Settings
 from gear_rattle_ros.offline.catalogue import Catalogue, Kind
 from gear_rattle_ros.offline.columns import find_branches, Window
+from gear_rattle_ros.offline.continuation import main
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
+from gear_rattle_ros.offline.store import open_dataset
 
 # (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
 PAPERS = [(alpha, 0.1, 0.1, 0.9) for alpha in (
@@ -83,6 +85,28 @@ def test_every_tool_finds_the_same(values, tmp_path):
     of = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
     shares = {of[label]: float(np.mean(labels == label)) for label in np.unique(labels).tolist()}
     assert_one_answer(known(first), shares, 300, 400)
+
+
+@pytest.mark.parametrize('values', [
+    pytest.param(values, marks=() if values in (FAST[1], OTHERS[2]) else pytest.mark.long)
+    for values in (*PAPERS, *OTHERS)], ids=named)
+def test_continuation_agrees(values, tmp_path):
+    """In the middle of a narrow window it sees the same keys and shares."""
+    parameters = Parameters(*values)
+    first = find_attractors(parameters, Plane().random_starts(parameters, 300, 1), hold=20_000)
+    words = [f'--{name}={value!r}' for name, value in dataclasses.asdict(parameters).items()
+             if name != 'alpha']
+    alphas = [repr(parameters.alpha * (1.0 + step)) for step in (-1e-7, 1e-7)]
+    path = tmp_path / 'k.zarr'
+    assert main([*words, '--alpha', *alphas, '--columns', '3', '--trajectories', '96',
+                 '--hold', '20000', '--tolerance', '1e-3', '--output', str(path)]) == 0
+    middle = open_dataset(path).isel(sweep=0, alpha=1)
+    shares = {key: share for key, share in zip(
+        middle.key.values.tolist(), middle.share.values.tolist(), strict=True) if key}
+    assert len(shares) == np.count_nonzero(middle.key.values != '')
+    # What is beyond the last slot is counted with it.
+    if len(first.attractors) <= len(middle.slot):
+        assert_one_answer(known(first), shares, 300, 96)
 
 
 @every_set
