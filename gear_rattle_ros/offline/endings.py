@@ -295,7 +295,7 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit
     distance = high
     while distance < width and rate(distance, ROUNDS).mean > shortest:
         distance *= 2.0
-    kind = 'interior crisis' if captor is None and _returns(
+    kind = 'interior crisis' if captor is None and returns(
         _at(herd, low + direction * distance), herd, hold) else 'crisis'
     measured: list[tuple[float, EscapeRate]] = []
     while distance >= high and (not measured or measured[-1][1].mean < SPAN * shortest):
@@ -317,8 +317,8 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit
     return End(kind, low + direction * beyond, uncertainty, captor, herd)
 
 
-def _returns(parameters: Parameters, herd: Herd, hold: int) -> bool:
-    # Whether trajectories come back that have been away for a whole round.
+def returns(parameters: Parameters, herd: Herd, hold: int) -> bool:
+    """Whether trajectories come back that have been away, so that the attractor has grown."""
     states, away = herd.states, np.zeros(LANES, bool)
     for _ in range(max(ROUNDS, -(-hold // ROUND))):
         states, impacts, _ = _go_on(parameters, states)

@@ -22,7 +22,7 @@ from gear_rattle_ros.core.periodic import find_orbit
 from gear_rattle_ros.core.recorded import record_impacts
 from gear_rattle_ros.offline.catalogue import Kind
 from gear_rattle_ros.offline.continuation import main
-from gear_rattle_ros.offline.endings import find_end, spread_out, watch
+from gear_rattle_ros.offline.endings import find_end, returns, spread_out, watch
 from gear_rattle_ros.offline.grid import Plane
 from gear_rattle_ros.offline.search import find_attractors
 from gear_rattle_ros.offline.store import open_dataset
@@ -280,6 +280,16 @@ def test_chaos_ends_on_either_side_of_a_gap(tmp_path):
     assert number == again != between
     (of, _, alpha, error, _), = of_kind(found, 'window')
     assert of == number and abs(alpha - 1.1357940127) <= error + 5e-11 <= 1e-9
+
+
+def test_chaos_that_grows_comes_back():
+    """Beyond 1.1629 four bands burst over the whole of the chaos, and are visited again."""
+    orbit, = orbits_of(Parameters(alpha=1.157), 8)
+    there = Parameters(alpha=1.162)
+    herd = watch(there, spread_out(there, np.array([
+        orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])), 2000)
+    assert returns(Parameters(alpha=1.166), herd, 8000)
+    assert not returns(there, herd, 2000)
 
 
 @pytest.mark.long
