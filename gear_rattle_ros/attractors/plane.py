@@ -85,7 +85,7 @@ class Plane:
 
     def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
         """
-        Draw initial conditions uniformly from the window; the first ones do not depend on the count.
+        Draw initial conditions uniformly from the window; their first do not depend on the count.
 
         Parameters
         ----------

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 import dataclasses
+import itertools
 import math
 from typing import Any, Final
 
@@ -45,12 +46,15 @@ class Event:
         Its number.
     what : str
         Of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a stable
-        orbit is born and replaces it), crisis (trajectories leave it,
-        for an orbit or for where it was not before).
+        orbit is born and replaces it), crisis (trajectories leave it for good), interior crisis
+        (it suddenly grows). Of any: not located (it is seen at one alpha and not at the next;
+        at rest, or on an orbit that sticks, it cannot be followed).
     alpha, tolerance : float
         Where, and how well that is located [1].
     orbit : Orbit or None
         That changes, or on which trajectories then settle.
+    name : str
+        Key of what is no orbit that can be followed.
 
     """
 
@@ -59,11 +63,12 @@ class Event:
     alpha: float
     tolerance: float
     orbit: Orbit | None
+    name: str = ''
 
     @property
     def key(self) -> str:
-        """Name of the orbit, empty where there is none."""
-        return self.orbit.key if self.orbit else ''
+        """Name of the orbit or of what else it is about; empty where nothing has one."""
+        return self.orbit.key if self.orbit else self.name
 
     @property
     def multiplier(self) -> float:
@@ -84,11 +89,11 @@ class Event:
 
         """
         digits = 1 - math.floor(math.log10(self.tolerance))
-        return (f'{self.attractor:9d}  {self.what:9s}  {self.alpha:.{digits}f} +- '
+        return (f'{self.attractor:9d}  {self.what:15s}  {self.alpha:.{digits}f} +- '
                 f'{self.tolerance:.1e}  {self.key}').rstrip()
 
 
-HEADING: Final = 'attractor  event      alpha [1]  orbit'
+HEADING: Final = 'attractor  event            alpha [1]  orbit'
 
 
 @dataclasses.dataclass
@@ -131,6 +136,16 @@ class Family:
         return here is not None and same_orbit(here, orbit, SAME)
 
 
+@dataclasses.dataclass(frozen=True)
+class _Run:
+    # Columns and slots without a gap in which an attractor is chaotic, and the alphas to which it
+    # is followed: where it is seen next, or the ends of the window.
+    number: int
+    cells: list[tuple[int, int]]
+    low: float
+    high: float
+
+
 def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
               searched: Callable[[int], None] = lambda count: None) -> list[Event]:
     """
@@ -170,33 +185,43 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
             _add(home, families, diagram)
         home.numbers.append(n)
 
-    def follow_chaos(n: int, herd: Herd | Escape | None, direction: float) -> None:
+    def follow_chaos(n: int, herd: Herd | Escape | None, direction: float, edge: float) -> None:
         if not isinstance(herd, Herd):
             return
         width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
-        end = find_end(herd, direction, width, diagram.alphas[int(direction > 0.0)], tolerance,
-                       hold)
+        end = find_end(herd, direction, width, edge, tolerance, hold)
         if end is None:
             return
         if end.kind == 'orbit':
-            take(n, end.captor)
+            take(n, end.captor if isinstance(end.captor, Orbit) else None)
         elif not any(_same_end(end, known) for _, known in ends):
             ends.append((n, end))
 
+    followed: set[tuple[int, int]] = set()
     for n, column, slot in _seen(diagram, store, PERIODIC):
-        take(n, orbit_in(diagram, store, column, slot))
+        orbit = orbit_in(diagram, store, column, slot)
+        if orbit is not None:
+            followed.add((column, slot))
+            take(n, orbit)
         searched(1)
-    for n, columns, slots in _runs(diagram, store):
-        for direction in (-1.0, 1.0):
-            follow_chaos(n, _herd_of(diagram, store, columns, slots, direction, hold), direction)
+    for run in _runs(diagram, store):
+        for direction, edge in ((-1.0, run.low), (1.0, run.high)):
+            herd = _herd_of(diagram, store, run.cells, direction, hold)
+            if herd is not None:
+                followed.update(run.cells)
+            follow_chaos(run.number, herd, direction, edge)
             searched(FOLLOWING)
     for family in families:
         n = _number(family, families)
         for orbit, direction in _cascades(family, families, diagram, store, n):
             state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
             parameters = orbit.parameters
-            follow_chaos(n, watch(parameters, spread_out(parameters, state), hold), direction)
-    events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor) for n, end in ends]
+            follow_chaos(n, watch(parameters, spread_out(parameters, state), hold), direction,
+                         diagram.alphas[int(direction > 0.0)])
+    events = [Event(n, end.kind, end.alpha, end.uncertainty,
+                    *((end.captor, '') if isinstance(end.captor, Orbit) else
+                      (None, end.captor or ''))) for n, end in ends]
+    events += _not_located(diagram, store, followed)
     for family in families:
         n = _number(family, families)
         for turn in family.turns:
@@ -267,19 +292,31 @@ def _seen(diagram: Diagram, store: Store, kind: int) -> Iterator[tuple[int, int,
         yield int(numbers[column, slot]), int(column), int(slot)
 
 
-def _runs(diagram: Diagram, store: Store) -> Iterator[tuple[int, list[int], list[int]]]:
-    # Stretches of columns over which an attractor is chaotic wherever it is seen.
-    numbers, kinds = (_read(diagram, store, name) for name in ('attractor', 'kind'))
+def _runs(diagram: Diagram, store: Store) -> Iterator[_Run]:
+    chaos: dict[int, list[tuple[int, int]]] = {}
+    for n, column, slot in _seen(diagram, store, CHAOTIC):
+        chaos.setdefault(n, []).append((column, slot))
+    for n, cells in chaos.items():
+        # What is not seen in a column may have ended before it.
+        breaks = [0, *(i for i in range(1, len(cells)) if cells[i][0] > cells[i - 1][0] + 1),
+                  len(cells)]
+        for first, after in itertools.pairwise(breaks):
+            yield _Run(n, cells[first:after],
+                       float(diagram.values[cells[first - 1][0] if first else 0]),
+                       float(diagram.values[cells[after][0] if after < len(cells) else -1]))
+
+
+def _not_located(diagram: Diagram, store: Store,
+                 followed: set[tuple[int, int]]) -> Iterator[Event]:
+    # The ends of what could not be followed are known by the columns alone.
+    numbers, keys = (_read(diagram, store, name) for name in ('attractor', 'key'))
     for n in range(int(numbers.max()) + 1):
-        run: list[tuple[int, int]] = []
-        for column, slot in np.argwhere(numbers == n):
-            if kinds[column, slot] == CHAOTIC:
-                run.append((int(column), int(slot)))
-            elif run:
-                yield n, [c for c, _ in run], [k for _, k in run]
-                run = []
-        if run:
-            yield n, [c for c, _ in run], [k for _, k in run]
+        cells = np.argwhere(numbers == n).tolist()
+        for (column, slot), beyond in ((cells[0], -1), (cells[-1], 1)):
+            if (column, slot) not in followed and 0 <= column + beyond < diagram.columns:
+                seen, missed = diagram.values[[column, column + beyond]]
+                yield Event(n, 'not located', float(0.5 * (seen + missed)),
+                            float(0.5 * abs(seen - missed)), None, str(keys[column, slot]))
 
 
 def _family(orbit: Orbit, directions: tuple[float, ...], diagram: Diagram, parent: int) -> Family:
@@ -322,13 +359,13 @@ def _number(family: Family, families: list[Family]) -> int:
     return max(sorted(set(family.numbers)), key=family.numbers.count)
 
 
-def _herd_of(diagram: Diagram, store: Store, columns: list[int], slots: list[int],
-             direction: float, hold: int) -> Herd | None:
+def _herd_of(diagram: Diagram, store: Store, cells: list[tuple[int, int]], direction: float,
+             hold: int) -> Herd | None:
     states = _read(diagram, store, 'member_state')
     # What is called chaotic may be a long transient at the end of the run, or all along it.
-    for i in sorted(range(len(columns)), key=lambda i: -direction * columns[i]):
-        parameters = diagram.at(columns[i])
-        herd = watch(parameters, spread_out(parameters, states[columns[i], slots[i]]), hold)
+    for cell in sorted(cells, reverse=direction > 0.0):
+        parameters = diagram.at(cell[0])
+        herd = watch(parameters, spread_out(parameters, states[cell]), hold)
         if isinstance(herd, Herd):
             return herd
     return None

@@ -79,10 +79,10 @@ def write_events(store: Store, events: list[Event]) -> None:
     columns: dict[str, tuple[Any, dict[str, str]]] = {
         'event_attractor': (np.array([e.attractor for e in events], np.int32), {
             'long_name': 'number of the attractor'}),
-        'event_kind': (np.array([e.what for e in events], 'U9'), {
+        'event_kind': (np.array([e.what for e in events], 'U15'), {
             'long_name': 'what happens'}),
-        'event_orbit': (np.array([e.key for e in events], 'U32'), {
-            'long_name': 'orbit that changes, or on which trajectories then settle'}),
+        'event_orbit': (np.array([e.key for e in events], 'U48'), {
+            'long_name': 'what changes, or on what trajectories then settle'}),
         'event_alpha': (np.array([e.alpha for e in events]), {'long_name': 'where', **one}),
         'event_tolerance': (np.array([e.tolerance for e in events]), {
             'long_name': 'how well it is located', **one}),

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .escape_rates import fit_law
+from .escape_rates import fit_law, FITTED
+from ..attractors.catalogue import OTHERS
 from ..attractors.plane import make_initial_conditions
 from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
@@ -18,7 +19,7 @@ from ..core.many.escape import EscapeRate
 from ..core.many.orbit_table import dilated
 from ..core.many.recognition import find_orbit
 from ..core.many.recorded import record_impacts, starts_after
-from ..core.many.settling import RecordArray
+from ..core.many.settling import RecordArray, RESTS_LOWER, RESTS_UPPER
 from ..core.model import ALPHA_MAXIMUM, Parameters
 from ..core.orbits.branches import Change, follow, is_own_image, Turn
 from ..core.orbits.orbit import close_near, Orbit
@@ -86,12 +87,12 @@ class Escape:
 
     Attributes
     ----------
-    captor : Orbit or None
-        The orbit on which it has settled; None where it rests or goes on elsewhere.
+    captor : Orbit or str or None
+        The orbit on which it has settled, or the key of rest; None where it goes on elsewhere.
 
     """
 
-    captor: Orbit | None
+    captor: Orbit | str | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,10 +104,11 @@ class End:
     ----------
     kind : str
         window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
+        interior crisis: they come back to it now and then;
         orbit: it is no end, but goes on as an orbit whose doublings lead up to it.
     alpha, uncertainty : float
         Where, and how far off that can be [1].
-    captor : Orbit or None
+    captor : Orbit or str or None
         What its trajectories settle on: of a window where it is born, else beyond.
     last : Herd
         The last that did not escape.
@@ -116,7 +118,7 @@ class End:
     kind: str
     alpha: float
     uncertainty: float
-    captor: Orbit | None
+    captor: Orbit | str | None
     last: Herd
 
 
@@ -197,9 +199,9 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
     direction : float
         Sign of the steps in alpha.
     width : float
-        The first step, and the longest [1].
+        The first step, and the longest: from column to column [1].
     edge : float
-        How far it is followed in alpha [1].
+        How far it is followed in alpha, to a column [1].
     tolerance : float
         The shortest step [1].
     hold : int
@@ -225,8 +227,8 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
             step = min(width, 2.0 * step) if stayed > 1 else step
             continue
         captor, stayed = trial.captor, 0
-        turn = None if captor is None else _born(captor, herd, low, direction)
-        if captor is not None and turn is not None:
+        turn = _born(captor, herd, low, direction) if isinstance(captor, Orbit) else None
+        if isinstance(captor, Orbit) and turn is not None:
             if turn.orbit.impacts == captor.impacts and (
                     turn.change is Change.DOUBLING
                     or turn.change is Change.PITCHFORK and is_own_image(captor)):
@@ -242,13 +244,17 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after, Herd):
                         herd, low = after, after.parameters.alpha
                         continue
-                    if after.captor is not None:
+                    if isinstance(after.captor, Orbit):
                         return _window(turn, herd)
             else:
-                # A window narrower than a column is no end: chaos is back on its other side.
-                far = _far_side(captor, turn, direction)
+                # A window narrower than a column is no end: chaos is back on its other side, or at
+                # the next column.
+                column = edge - direction * width * (
+                    math.ceil(direction * (edge - low) / width - 1e-6) - 1)
+                far = direction * min(direction * _far_side(captor, turn, direction),
+                                      direction * column)
                 beyond = watch(_at(herd, far), herd.states, hold, herd)
-                if isinstance(beyond, Herd) and direction * (edge - far) > 0.0:
+                if isinstance(beyond, Herd):
                     herd, low, turn = beyond, far, None
                     continue
         step *= 0.5
@@ -276,7 +282,7 @@ def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | Non
     return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
 
 
-def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | None,
+def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | str | None,
             hold: int, width: float) -> End:
     # Long lifetimes hide the very place; the law by which they shorten beyond it tells.
     high = 2.0 * step
@@ -289,6 +295,8 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit
     distance = high
     while distance < width and rate(distance, ROUNDS).mean > shortest:
         distance *= 2.0
+    kind = 'interior crisis' if captor is None and returns(
+        _at(herd, low + direction * distance), herd, hold) else 'crisis'
     measured: list[tuple[float, EscapeRate]] = []
     while distance >= high and (not measured or measured[-1][1].mean < SPAN * shortest):
         measured.append((distance, rate(distance, ESCAPES)))
@@ -301,12 +309,24 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit
         if share < 1.0:
             hidden = min(hidden, d * share / (1.0 - share))
     beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
-    if len(seen) >= 4:
+    if len(seen) >= FITTED:
         law = fit_law([d for d, _ in seen], [k.rate for _, k in seen], [k.error for _, k in seen])
         if law.alpha_c_error < uncertainty:
             beyond = min(max(law.alpha_c, -hidden), high)
             uncertainty = max(law.alpha_c_error, step, abs(law.alpha_c - beyond))
-    return End('crisis', low + direction * beyond, uncertainty, captor, herd)
+    return End(kind, low + direction * beyond, uncertainty, captor, herd)
+
+
+def returns(parameters: Parameters, herd: Herd, hold: int) -> bool:
+    """Whether trajectories come back that have been away, so that the attractor has grown."""
+    states, away = herd.states, np.zeros(LANES, bool)
+    for _ in range(max(ROUNDS, -(-hold // ROUND))):
+        states, impacts, _ = _go_on(parameters, states)
+        strays = herd.strays(impacts['phase'], impacts['velocity'])
+        if np.any(away & ~strays):
+            return True
+        away = strays
+    return False
 
 
 def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -> EscapeRate:
@@ -359,8 +379,8 @@ def _at(herd: Herd, alpha: float) -> Parameters:
 
 
 def _go_on(parameters: Parameters, states: RecordArray
-           ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | None]]]:
-    # States after a round, its last impacts, and who is at rest (None) or on a stable orbit.
+           ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | str]]]:
+    # States after a round, its last impacts, and who is at rest or on a stable orbit.
     starts = make_initial_conditions(parameters, *(states[name] for name in (
         'phase', 'displacement', 'velocity')))
     rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
@@ -368,10 +388,11 @@ def _go_on(parameters: Parameters, states: RecordArray
     after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                          last['velocity'])
 
-    def captors() -> Iterator[tuple[int, Orbit | None]]:
+    def captors() -> Iterator[tuple[int, Orbit | str]]:
         for i, row in enumerate(rows):
             if counts[i] < KEPT:
-                yield i, None
+                # The load presses it to one wall.
+                yield i, OTHERS[RESTS_UPPER if parameters.gamma > 0.0 else RESTS_LOWER][0]
                 continue
             q = int(shortest_recurrence(row, KEPT // 2, RECURS))
             if q:

@@ -11,8 +11,9 @@ from ..core.arrays import FloatArray
 
 ITERATIONS: Final = 500
 CONVERGED: Final = 1e-12
-# Parts of a jackknife.
+# Parts of a jackknife, and amplitudes that it takes.
 QUARTERS: Final = 4
+FITTED: Final = 2 * QUARTERS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,8 +50,9 @@ def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
         raise ValueError(f'{np.count_nonzero(k > 0.0)} escape rates are not enough for a law with '
                          'three constants; take more amplitudes or more trajectories')
     law = _fit(a, k, e)
-    if len(a) < 2 * QUARTERS:
-        return law
+    nearest = float(a[0]) - law.alpha_c
+    if len(a) < FITTED:
+        return dataclasses.replace(law, alpha_c_error=max(law.alpha_c_error, nearest))
     part = np.arange(len(a)) * QUARTERS // len(a)
     others = [_fit(a[part != p], k[part != p], e[part != p]) for p in range(QUARTERS)]
     half = len(a) // 2
@@ -58,7 +60,7 @@ def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
     return dataclasses.replace(
         law,
         alpha_c_error=max(law.alpha_c_error, _jackknife([one.alpha_c for one in others]),
-                          abs(near.alpha_c - law.alpha_c), float(a[0]) - law.alpha_c),
+                          abs(near.alpha_c - law.alpha_c), nearest),
         exponent_error=max(law.exponent_error, _jackknife([one.exponent for one in others]),
                            abs(near.exponent - law.exponent)))
 

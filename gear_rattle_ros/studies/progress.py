@@ -24,7 +24,7 @@ class Progress:
         self._stream = stream
         self._terminal = stream.isatty()
         self._begin = self._reported = time.monotonic()
-        self._done = self._impacts = self._before = 0
+        self._done = self._impacts = self._before = self._shown = 0
 
     def skip(self, done: int) -> None:
         """Count things done by an earlier run: they say nothing about the rate."""
@@ -45,13 +45,17 @@ class Progress:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leave the line of the terminal."""
-        if self._terminal and self._reported > self._begin:
+        """Leave the line of the terminal; elsewhere report that all is done."""
+        if self._reported == self._begin:
+            return
+        if self._terminal:
             self._stream.write('\r\x1b[K')
             self._stream.flush()
+        elif self._shown < self._done == self._total:
+            self._report(time.monotonic() - self._begin)
 
     def _report(self, seconds: float) -> None:
-        fresh = self._done - self._before
+        fresh, self._shown = self._done - self._before, self._done
         left = (self._total - self._done) * seconds / fresh if fresh else math.inf
         line = f'{self._name}: {self._done:,} of {self._total:,}'
         if self._impacts:

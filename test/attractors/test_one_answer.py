@@ -11,6 +11,7 @@ from gear_rattle_ros.attractors.catalogue import Catalogue, Kind
 from gear_rattle_ros.attractors.columns import find_branches, Window
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli.continuation import main
 from gear_rattle_ros.core.flight.lanes import IMPACT
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.chaotic_sets import BRIEF, count_pieces, SWEEP, THOROUGH
@@ -19,6 +20,7 @@ from gear_rattle_ros.core.many.settling import UNRESOLVED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
+from gear_rattle_ros.store.store import open_dataset
 from gear_rattle_ros.studies.basins import Settings
 
 # (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
@@ -85,6 +87,28 @@ def test_every_tool_finds_the_same(values, tmp_path):
     of = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
     shares = {of[label]: float(np.mean(labels == label)) for label in np.unique(labels).tolist()}
     assert_one_answer(known(first), shares, 300, 400)
+
+
+@pytest.mark.parametrize('values', [
+    pytest.param(values, marks=() if values in (FAST[1], OTHERS[2]) else pytest.mark.long)
+    for values in (*PAPERS, *OTHERS)], ids=named)
+def test_continuation_agrees(values, tmp_path):
+    """In the middle of a narrow window it sees the same keys and shares."""
+    parameters = Parameters(*values)
+    first = find_attractors(parameters, Plane().draw(parameters, 300, 1), hold=20_000)
+    words = [f'--{name}={value!r}' for name, value in dataclasses.asdict(parameters).items()
+             if name != 'alpha']
+    alphas = [repr(parameters.alpha * (1.0 + step)) for step in (-1e-7, 1e-7)]
+    path = tmp_path / 'k.zarr'
+    assert main([*words, '--alpha', *alphas, '--columns', '3', '--trajectories', '96',
+                 '--hold', '20000', '--tolerance', '1e-3', '--output', str(path)]) == 0
+    middle = open_dataset(path).isel(sweep=0, alpha=1)
+    shares = {key: share for key, share in zip(
+        middle.key.values.tolist(), middle.share.values.tolist(), strict=True) if key}
+    assert len(shares) == np.count_nonzero(middle.key.values != '')
+    # What is beyond the last slot is counted with it.
+    if len(first.attractors) <= len(middle.slot):
+        assert_one_answer(known(first), shares, 300, 96)
 
 
 @every_set

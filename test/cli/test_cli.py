@@ -170,4 +170,10 @@ def test_progress_tells_rate_and_time_left(capsys, monkeypatch):
     progress.add(100, 33_000_000)
     assert capsys.readouterr().err == (
         'basins: 200 of 300, 3.0 million impacts/s, 11 s left\n')
+    # What a log tells ends with the end.
+    progress.add(100, 33_000_000)
+    assert not capsys.readouterr().err
+    progress.__exit__()
+    assert capsys.readouterr().err == (
+        'basins: 300 of 300, 6.0 million impacts/s, 0 s left\n')
     assert [in_words(seconds) for seconds in (9.7, 600.0, 7200.0)] == ['10 s', '10 min', '2.0 h']

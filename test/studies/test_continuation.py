@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.continuation import main
@@ -18,6 +19,7 @@ from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
 from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.studies.endings import find_end, returns, spread_out, watch
 
 B, G, R = 0.1, 0.1, 0.9
 
@@ -256,6 +258,54 @@ def test_rest_is_one_attractor_at_every_alpha(tmp_path):
     rests = np.char.startswith(table.key.values[0].astype(str), 'rest')
     assert np.array_equal(rests.any(axis=1), table.alpha.values < 0.16)
     assert len(set(table.attractor.values[0][rests])) == 1
+    ends = table.event_kind.values[table.event_orbit.values == 'rest-upper']
+    assert ends.tolist() == ['not located']
+    (place,), (error,) = (values.values[table.event_orbit.values == 'rest-upper']
+                          for values in (table.event_alpha, table.event_tolerance))
+    assert abs(place - 0.16) <= error == pytest.approx(0.002)
+
+
+def test_chaos_ends_on_either_side_of_a_gap(tmp_path):
+    """It has one number on both sides of a wide window, which opens where an orbit is born."""
+    found = events(tmp_path, '--alpha 1.13 1.165 --columns 3 --trajectories 16 --tolerance 1e-4 '
+                             '--hold 2000')
+    table = open_dataset(tmp_path / 'k.zarr')
+    number, between, again = table.attractor.values[0, :, 0]
+    assert number == again != between
+    (of, _, alpha, error, _), = of_kind(found, 'window')
+    assert of == number and abs(alpha - 1.1357940127) <= error + 5e-11 <= 1e-9
+
+
+def test_chaos_that_grows_comes_back():
+    """Beyond 1.1629 four bands burst over the whole of the chaos, and are visited again."""
+    orbit, = orbits_of(Parameters(alpha=1.157), 8)
+    there = Parameters(alpha=1.162)
+    herd = watch(there, spread_out(there, np.array([
+        orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])), 2000)
+    assert returns(Parameters(alpha=1.166), herd, 8000)
+    assert not returns(there, herd, 2000)
+
+
+@pytest.mark.long
+def test_errors_of_crises_are_how_far_off_they_are():
+    """Over 20 seeds and first steps, from the crisis that the manifolds give."""
+    parameters, hold = Parameters(alpha=0.572), 8000
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 400, 1), hold=hold)
+    chaos = max((each for each in catalogue.attractors if each.kind is Kind.CHAOTIC),
+                key=lambda each: each.share)
+    states = catalogue.states[catalogue.labels == chaos.label]
+    rng, apart = np.random.default_rng(7), []
+    for state in states[:20]:
+        there = Parameters(alpha=0.572 + rng.uniform(-1e-4, 1e-4))
+        herd = watch(there, spread_out(there, np.array([
+            state['phase'], state['displacement'], state['velocity']])), hold)
+        end = find_end(herd, 1.0, 1e-3, 0.575, 1e-5, hold)
+        assert end.kind == 'crisis' and end.uncertainty < 2e-5
+        apart.append((end.alpha - 0.572286) / end.uncertainty)
+    # Quantiles 0.001 and 0.999 of what is spread evenly over an error to either side, and of what
+    # is spread as a Gaussian.
+    assert 2.9 < np.sum(np.square(apart)) < 45.3
+    assert np.count_nonzero(np.abs(apart) > 1.0) <= 3
 
 
 def test_the_cascade_of_b_goes_on_as_feigenbaum_says(tmp_path):
@@ -328,9 +378,10 @@ def test_the_tool_prints_and_draws_what_it_stores(tmp_path, capsys):
     assert heading.split() == ['attractor', 'event', 'alpha', '[1]', 'orbit']
     for line, (number, kind, alpha, error, key) in zip(lines, found, strict=True):
         words = line.split()
-        assert (int(words[0]), words[1], words[3]) == (number, kind, '+-')
-        assert words[5:] == ([key] if key else [])
-        assert abs(float(words[2]) - alpha) <= error
+        head = [str(number), *kind.split()]
+        place, sign, _, *name = words[len(head):]
+        assert (words[:len(head)], sign, name) == (head, '+-', [key] if key else [])
+        assert abs(float(place) - alpha) <= error
     assert picture.stat().st_size > 10_000
 
 
