@@ -6,16 +6,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
+from .core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNSETTLED
 
 # Told apart by the colour-blind too (Okabe & Ito); those that are faint on white come late, then
 # darker ones.
 HUES: Final = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#004a75',
                '#7a3600', '#00523c', '#7d3c63', '#8f5f00', '#f0e442')
 BLUE, ORANGE, GREEN, PURPLE, AMBER, SKY = HUES[:6]
-UNSETTLED: Final = '#d9d9d9'
 # Of labels that are no number of an attractor.
-ENDS: Final = {UNRESOLVED: UNSETTLED, RESTS_UPPER: '#6b6b6b', RESTS_LOWER: '#a3a3a3',
+ENDS: Final = {UNSETTLED: '#d9d9d9', RESTS_UPPER: '#6b6b6b', RESTS_LOWER: '#a3a3a3',
                FLOATING: '#4d4d4d'}
 # Lines and words beside what is drawn.
 GREY: Final = '#606060'

@@ -8,10 +8,10 @@ import pytest
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.figures.draw import draw
-from gear_rattle_ros.palette import colours_of, HUES, rgb, rgba, UNSETTLED
+from gear_rattle_ros.palette import colours_of, ENDS, HUES, rgb, rgba
 from gear_rattle_ros.studies.attractors import attractors as dataset_of
 from gear_rattle_ros.studies.basins import basins
 
@@ -38,7 +38,7 @@ def lab(colour: str, seen: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize('vision', VISION)
 def test_attractors_are_told_apart(vision):
     """Six of them, what has not settled, and the paper: a difference of 2 is just seen."""
-    seen = [lab(colour, VISION[vision]) for colour in (*HUES[:6], UNSETTLED, '#ffffff')]
+    seen = [lab(colour, VISION[vision]) for colour in (*HUES[:6], ENDS[UNSETTLED], '#ffffff')]
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)) > 12.0
 
 
@@ -54,7 +54,7 @@ def test_an_attractor_has_one_colour_in_all_pictures():
     grid = basins(parameters, plane, initial_conditions=100, hold=2000, cap=300)
     picture = draw(grid).axes[0].images[0].get_array()
     for label, shown in zip(grid['label'].values.ravel(), picture.reshape(-1, 4), strict=True):
-        assert tuple(shown[:3]) == rgb(UNSETTLED if label == UNRESOLVED else colours[label])
+        assert tuple(shown[:3]) == rgb(ENDS[UNSETTLED] if label == UNSETTLED else colours[label])
     section = draw(dataset_of(parameters, initial_conditions=100, hold=2000))
     for collection in section.axes[0].collections:
         label = int(collection.get_label().split()[0])

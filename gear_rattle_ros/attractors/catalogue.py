@@ -29,7 +29,7 @@ from ..core.many.settling import (
     RESULT,
     STEPS,
     Table,
-    UNRESOLVED,
+    UNSETTLED,
     WATCH,
 )
 from ..core.model import Parameters
@@ -54,7 +54,7 @@ class Kind(enum.Enum):
 # Labels that are no number of an attractor: the key and the kind that go with them.
 OTHERS: Final = {
     RESTS_UPPER: ('rest-upper', Kind.RESTING), RESTS_LOWER: ('rest-lower', Kind.RESTING),
-    FLOATING: ('floating', Kind.FLOATING), UNRESOLVED: ('unsettled', Kind.UNSETTLED)}
+    FLOATING: ('floating', Kind.FLOATING), UNSETTLED: ('unsettled', Kind.UNSETTLED)}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,7 +24,7 @@ from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import chaotic_sets, ChaoticSet, Effort, fill_lanes, THOROUGH
 from ..core.many.recognition import find_orbit, with_neighbourhood
 from ..core.many.recorded import record_impacts
-from ..core.many.settling import RecordArray, UNRESOLVED
+from ..core.many.settling import RecordArray, UNSETTLED
 from ..core.model import Parameters
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
 from ..core.orbits.section import distances, shortest_recurrence
@@ -45,9 +45,9 @@ Check: TypeAlias = Callable[[], None]
 CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attractors'
 
 
-def conserves_areas(parameters: Parameters) -> bool:
-    """Whether nothing contracts, so that no attractors exist."""
-    return parameters.restitution == 1.0 and parameters.beta == 0.0
+def conserves_areas(model: Parameters | np.recarray[Any, Any]) -> Any:
+    """Whether nothing contracts, so that no attractors exist; of START for every row."""
+    return (model.restitution == 1.0) & (model.beta == 0.0)
 
 
 def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *,
@@ -92,7 +92,7 @@ def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *
     if starts is None:
         starts = Plane().draw(parameters, INITIAL_CONDITIONS, SEED)
     catalogue = Catalogue(parameters, tolerance, hold,
-                          labels=np.full(len(starts), UNRESOLVED, np.int64), states=starts)
+                          labels=np.full(len(starts), UNSETTLED, np.int64), states=starts)
     if conserves_areas(parameters):
         return catalogue
     search = _Search(catalogue, starts, {'threads': threads, 'cluster': cluster, 'check': check})
@@ -162,7 +162,7 @@ class _Search:
         self._labels[self.left] = results['label']
         self._homes[self.left] = [keys[label] if label >= 0 else '' for label in results['label']]
         self._states[self.left] = moved(self.unsettled, results)
-        self.left = self.left[results['label'] == UNRESOLVED]
+        self.left = self.left[results['label'] == UNSETTLED]
         self.followed = impacts
 
     def confirmed(self, effort: Effort, check: Check) -> tuple[list[ChaoticSet], list[Orbit]]:
@@ -187,7 +187,7 @@ class _Search:
                 results = follow(more, -(-(wanted - chaos.impacts) // LANES),
                                  self.catalogue().table, **self._settings)
                 ends = np.concatenate([ends, moved(more, results)])
-                if np.any(results['label'] != UNRESOLVED):
+                if np.any(results['label'] != UNSETTLED):
                     continue
             found.append(chaos)
         orbits = orbits_among(plain.parameters, ends, *effort.stages[-1][1:], plain.tolerance,

@@ -19,7 +19,7 @@ from .catalogue import Catalogue, follow_here, go_on, moved
 from .engine import run_tiles, threads_here
 from .finding import Check, conserves_areas, orbits_among
 from ..core.many.chaotic_sets import GLANCE
-from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
+from ..core.many.settling import RecordArray, RESULT, Table, UNSETTLED
 from ..core.orbits.orbit import Orbit
 
 # The first level is left after so many impacts: it has to be quick.
@@ -52,15 +52,17 @@ class Level:
                  begun: 'Level | None' = None, slice_impacts: float = SLICE) -> None:
         self.cap, self.seconds, self.sure = cap, seconds, sure
         self.states = starts
-        self.labels = np.full(shape, UNRESOLVED, np.int16)
+        self.labels = np.full(shape, UNSETTLED, np.int16)
         self.lifetimes = np.zeros(shape, np.int32)
         if begun is not None:
             rows, columns = (np.arange(new) * old // new for new, old in zip(
                 shape, begun.labels.shape, strict=True))
             self.labels = begun.labels[np.ix_(rows, columns)]
             self.lifetimes = begun.lifetimes[np.ix_(rows, columns)]
-        self.left = self.due = (np.random.default_rng(SEED).permutation(len(starts)) if is_mixed
-                                else np.arange(len(starts)))
+        self.left = (np.random.default_rng(SEED).permutation(len(starts)) if is_mixed
+                     else np.arange(len(starts)))
+        # Where areas are kept nothing settles, and nothing is followed.
+        self.due = self.left[~conserves_areas(starts.view(np.recarray))[self.left]]
         self.rounds = self.impacts = 0
         self.spent, self.mean = 0.0, GUESS
         self._slice = slice_impacts
@@ -81,7 +83,7 @@ class Level:
         """
         begin, due = time.monotonic(), self.due
         starts, results = self.states[due], np.zeros(len(due), RESULT)
-        results['label'] = UNRESOLVED
+        results['label'] = UNSETTLED
         threads = threads or threads_here()
         size = max(int(min(self._slice / min(self.mean, limit), -(-len(due) // threads))),
                    SLICE_LEAST)
@@ -96,7 +98,7 @@ class Level:
         made: list[int] = []
         run_tiles(work, range(-(-len(due) // size)), lambda _, impacts: made.append(impacts),
                   threads=threads)
-        is_left = results['label'] == UNRESOLVED
+        is_left = results['label'] == UNSETTLED
         is_seen = ~is_left | (results['impacts'] > 0)
         seen, found, goes_on = due[is_seen], results[is_seen], is_left & is_seen
         np.put(self.labels, seen, found['label'])
@@ -117,7 +119,7 @@ class Level:
 def late_orbits(catalogue: Catalogue, level: Level, most: int = LOOKED_AT, check: Check = go_on
                 ) -> Catalogue:
     """Look for orbits among what is left of a level."""
-    chosen = level.left[::max(1, len(level.left) // most)][:most]
+    chosen = level.due[::max(1, len(level.due) // most)][:most]
     return catalogue.with_orbits(tuple(orbits_among(
         catalogue.parameters, level.states[chosen], *GLANCE[1:], catalogue.tolerance, check)))
 
@@ -132,7 +134,7 @@ def refine(levels: Iterable[tuple[Level, Catalogue]], *, rounds: tuple[int, ...]
         catalogue, level.mean = known.with_orbits(late), mean
         limits = [*_limits(catalogue, level.cap, rounds), math.inf]
         until, is_late = time.monotonic() + level.seconds, False
-        while level.rounds < len(limits) - 1 and len(level.left):
+        while level.rounds < len(limits) - 1 and len(level.due):
             before = level.rounds
             level.follow(limits[before], catalogue.table, until=until, check=check,
                          threads=threads)
@@ -152,8 +154,6 @@ def refine(levels: Iterable[tuple[Level, Catalogue]], *, rounds: tuple[int, ...]
 
 def _limits(catalogue: Catalogue, cap: int, rounds: tuple[int, ...]) -> list[int]:
     """List the impacts of one round after the other until they are `cap` in all."""
-    if conserves_areas(catalogue.parameters):
-        return []
     if not rounds:
         return [cap]
     # On a chaotic attractor nothing settles in less.

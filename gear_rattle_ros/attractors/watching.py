@@ -22,7 +22,7 @@ from ..core.arrays import FloatArray
 from ..core.defaults import TOLERANCE
 from ..core.many.chaotic_sets import BRIEF, GLANCE
 from ..core.many.recorded import record_impacts
-from ..core.many.settling import RecordArray, RESULT, UNRESOLVED
+from ..core.many.settling import RecordArray, RESULT, UNSETTLED
 from ..core.model import Parameters
 
 # Random initial conditions of the first look for attractors and of the second, and impacts for
@@ -86,7 +86,7 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
     starts = np.concatenate([hinted, drawn])
     results = np.zeros(len(starts), RESULT)
     follow_here(starts, skip, Catalogue(parameters).table, results)
-    states = moved(starts, results)[results['label'] == UNRESOLVED]
+    states = moved(starts, results)[results['label'] == UNSETTLED]
     orbits = tuple(orbits_among(parameters, states, *GLANCE[1:], TOLERANCE))
     rows, _ = record_impacts(states, 0, 64)
     return (Catalogue(parameters, hold=skip, orbits=orbits, labels=results['label']),
@@ -140,7 +140,7 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
 def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
     if catalogue.stay <= STAY_MOST:
         return catalogue
-    labels = np.where(catalogue.labels < len(catalogue.orbits), catalogue.labels, UNRESOLVED)
+    labels = np.where(catalogue.labels < len(catalogue.orbits), catalogue.labels, UNSETTLED)
     return dataclasses.replace(catalogue, chaotic=(), stay=0, labels=labels)
 
 

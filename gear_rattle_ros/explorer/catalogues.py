@@ -12,7 +12,7 @@ from .view import HOLD, LIFETIMES, STARTS, View
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane
-from ..core.many.settling import UNRESOLVED
+from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 
 # The quick search: starts, and impacts for which they are followed.
@@ -54,7 +54,7 @@ class Catalogues:
             found = find_attractors(view.parameters, _random(view, QUICK_STARTS), hold=QUICK_HOLD,
                                     chaotic=False)
             # What the last look at a few has not settled is nearly always chaos, or a long way.
-            is_complete = not np.any(found.labels == UNRESOLVED)
+            is_complete = not np.any(found.labels == UNSETTLED)
             known = self._put(_key(view), Known(found, is_complete=is_complete))
         return known
 

@@ -15,11 +15,11 @@ from .computing import Picture
 from .view import CAP, LIFETIMES, SPAN
 from ..attractors.finding import CONSERVES, conserves_areas
 from ..attractors.matching import follow, points_of, Trace
-from ..core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNRESOLVED
-from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb, UNSETTLED
+from ..core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNSETTLED
+from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb
 
 NAMES: Final = {
-    UNRESOLVED: f'unsettled after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
+    UNSETTLED: f'unsettled after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
     RESTS_LOWER: 'at rest, lower wall', FLOATING: 'floating between the walls'}
 # Settling slowly looks so much darker in a picture of basins.
 DARKEST: Final = 0.42
@@ -42,7 +42,7 @@ class Colours:
         keys = [each.key for each in known.catalogue.attractors if each.label >= 0]
         names = NAMES | dict(enumerate(keys))
         if conserves_areas(known.catalogue.parameters):
-            names[UNRESOLVED] = f'unsettled: {CONSERVES}'
+            names[UNSETTLED] = f'unsettled: {CONSERVES}'
         return Colours(traces, colours_of(hues), names)
 
 
@@ -55,10 +55,10 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
         table = np.array([rgb(colour) for colour in Inferno256], np.uint8)
         pixels = np.full((*slowness.shape, 4), 255, np.uint8)
         pixels[..., :3] = table[(np.clip(slowness, 0.0, 1.0) * 255.0).astype(np.int64)]
-        pixels[picture.labels == UNRESOLVED, :3] = rgb(UNSETTLED)
+        pixels[picture.labels == UNSETTLED, :3] = rgb(ENDS[UNSETTLED])
         return pixels
     pixels = painted(picture.labels, colours.by_label)
-    shade = np.where(picture.labels == UNRESOLVED, 1.0, 1.0 - DARKEST * np.clip(
+    shade = np.where(picture.labels == UNSETTLED, 1.0, 1.0 - DARKEST * np.clip(
         1.6 * (slowness - 0.2), 0.0, 1.0))
     pixels[..., :3] = pixels[..., :3] * shade[..., None]
     return pixels
@@ -84,9 +84,9 @@ def legend(picture: Picture, colours: Colours) -> str:
     if picture.view.kind == LIFETIMES:
         bar = _bar(list(Inferno256[::32]) + [Inferno256[-1]])
         words = f'lifetime [impacts]&ensp;1 {bar} {CAP:,}'
-        if UNRESOLVED in shares:
-            words += (f'&emsp;{_swatch(UNSETTLED)} {colours.names[UNRESOLVED]} '
-                      f'{shares[UNRESOLVED]:.1%}')
+        if UNSETTLED in shares:
+            words += (f'&emsp;{_swatch(ENDS[UNSETTLED])} {colours.names[UNSETTLED]} '
+                      f'{shares[UNSETTLED]:.1%}')
         return words
     ordered = sorted(shares, key=lambda label: -shares[label])
     most = 6

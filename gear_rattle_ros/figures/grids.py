@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .style import Looks, phase_ticks, thousands
-from ..core.many.settling import UNRESOLVED
+from ..core.many.settling import UNSETTLED
 from ..core.words import counted
-from ..palette import BLUE, ENDS, EXPONENTS, FORGOTTEN, GREY, ORANGE, painted, UNSETTLED
+from ..palette import BLUE, ENDS, EXPONENTS, FORGOTTEN, GREY, ORANGE, painted
 
 if TYPE_CHECKING:
     import xarray
@@ -33,7 +33,7 @@ def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     labels = _thinned(dataset['label'])
     names = dict(zip(dataset['attractor_label'].values.tolist(),
                      dataset['attractor_key'].values.tolist(), strict=True))
-    names |= {UNRESOLVED: 'unsettled'}
+    names |= {UNSETTLED: 'unsettled'}
     colours = ENDS | {label: looks.hue(label) for label in names if label >= 0}
     axes.imshow(painted(labels, colours), **_placed(dataset))
     patches = [Patch(color=colours[label], label=f'{label}  {name}  {_share(labels == label)}')
@@ -48,16 +48,16 @@ def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     figure, axes = _new(dataset, 'Lifetimes', looks)
     cap, paper = dataset.attrs['cap'], looks.is_paper
     lifetimes = _thinned(dataset['lifetime'])
-    censored = _thinned(dataset['label']) == UNRESOLVED
+    censored = _thinned(dataset['label']) == UNSETTLED
     norm = Normalize(0, cap) if paper else LogNorm(1, max(cap, 2))
     shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper))
-    drawn = axes.imshow(shown, cmap=looks.map('inferno').with_extremes(bad=UNSETTLED), norm=norm,
-                        **_placed(dataset))
+    colours = looks.map('inferno').with_extremes(bad=ENDS[UNSETTLED])
+    drawn = axes.imshow(shown, cmap=colours, norm=norm, **_placed(dataset))
     bar = figure.colorbar(drawn, ax=axes, shrink=0.9)
     bar.set_label('lifetime of the transient [impacts]')
     if np.any(censored):
         words = f'{counted(cap, "impact")} or more  {_share(censored)}'
-        figure.legend(handles=[Patch(color='black' if paper else UNSETTLED, label=words)],
+        figure.legend(handles=[Patch(color='black' if paper else ENDS[UNSETTLED], label=words)],
                       loc='outside lower center', frameon=False)
     _label(axes, dataset.attrs['phase_window'])
     return figure

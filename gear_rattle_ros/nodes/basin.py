@@ -25,7 +25,7 @@ from ..attractors.plane import Plane
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF
-from ..core.many.settling import UNRESOLVED
+from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..messages import (
@@ -329,9 +329,9 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
     """Return what is known of the picture, and of every attractor."""
     stamp = stamp_from_nanoseconds(wanted.stamp)
     plane, parameters = basins.plane, wanted.parameters
-    unsettled = basins.share(UNRESOLVED)
+    unsettled = basins.share(UNSETTLED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
-             f'{counted(sum(each.label != UNRESOLVED for each in found), "attractor")}, '
+             f'{counted(sum(each.label != UNSETTLED for each in found), "attractor")}, '
              f'{unsettled:.1%} unsettled')
     if conserves_areas(parameters):
         words += f': {CONSERVES}'

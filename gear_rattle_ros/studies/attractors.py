@@ -63,13 +63,18 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset', cells: dict[int, int] | None = None) -> str:
-    """Put the attractors of a dataset in words, with the cells of a grid by label."""
+def describe(dataset: 'xarray.Dataset', cells: dict[int, int] | None = None, beside: str = ''
+             ) -> str:
+    """
+    Put the attractors of a dataset in words, with the cells of a grid by label.
+
+    What is known `beside` them follows; where areas are kept, one line says all.
+    """
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES
     columns = {str(name): dataset[name].values for name in dataset.variables
                if str(name).startswith('attractor_')}
-    return listed(columns, dataset.attrs['hold'], cells)
+    return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
 
 def parameters_of(dataset: 'xarray.Dataset') -> Parameters:

@@ -17,7 +17,7 @@ from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
-from ..core.many.settling import UNRESOLVED
+from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.store import Store
@@ -106,9 +106,9 @@ def describe(dataset: 'xarray.Dataset') -> str:
     """Put basins in words: the attractors with their cells, and what is unsettled."""
     labels, numbers = np.unique(dataset['label'].values, return_counts=True)
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
-    return (f'{describe_attractors(dataset, cells)}\n'
-            f'unsettled after {counted(dataset.attrs["cap"], "impact")}: '
-            f'{cells.get(UNRESOLVED, 0):,} of {counted(dataset["label"].size, "cell")}')
+    return describe_attractors(dataset, cells, (
+        f'unsettled after {counted(dataset.attrs["cap"], "impact")}: '
+        f'{cells.get(UNSETTLED, 0):,} of {counted(dataset["label"].size, "cell")}'))
 
 
 def magnifications(plane: Plane, levels: int, phase: float | None, velocity: float | None,

@@ -15,7 +15,8 @@ from ..attractors.catalogue import Catalogue
 from ..attractors.engine import run_tiles
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
-from ..core.many.settling import RESULT, UNRESOLVED
+from ..core.flight.lanes import EMPTY
+from ..core.many.settling import RESULT, UNSETTLED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 from ..store.layout import Axis, Layout, Variable
@@ -81,10 +82,12 @@ def fill_tile(job: Job, tile: int) -> Done:
              part['phase'].stop - part['phase'].start)
     level = Level(job.plane.cells(known.parameters, part['velocity'], part['phase']), shape,
                   job.cap, slice_impacts=math.inf)
-    grids = {name: np.zeros(shape, RESULT[name]) for name in GRIDS}
+    # As it stays where areas are kept.
+    grids = {name: np.full(shape, value, RESULT[name]) for name, value in zip(
+        GRIDS, (UNSETTLED, job.cap, EMPTY, math.nan), strict=True)}
     if known.late:
         grids = {name: store.read(tile, name) for name in GRIDS}
-        level.left = level.due = np.flatnonzero(grids['label'] == UNRESOLVED)
+        level.left = level.due = np.flatnonzero(grids['label'] == UNSETTLED)
         if not len(level.left):
             return Done(0, ())
     followed, found = level.follow(job.cap, known.table, threads=1)

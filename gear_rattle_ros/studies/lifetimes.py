@@ -23,7 +23,7 @@ from ..core.defaults import (
     TOLERANCE,
 )
 from ..core.many.escape import escape_rate
-from ..core.many.settling import RecordArray, RESULT, Table, UNRESOLVED
+from ..core.many.settling import RecordArray, RESULT, Table, UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.store import Store
@@ -226,7 +226,7 @@ def escape_of(dataset: 'xarray.Dataset') -> Escape:
 
 def describe(dataset: 'xarray.Dataset') -> str:
     """Put lifetimes in words: the attractors, and how transients end."""
-    return f'{describe_attractors(dataset)}\n{escape_of(dataset).describe()}'
+    return describe_attractors(dataset, beside=escape_of(dataset).describe())
 
 
 def parts_of(store: Store, parameters: Parameters, plane: Plane
@@ -252,7 +252,7 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
     rows: dict[tuple[float, int], list[int]] = {}
     first: dict[float, RecordArray] = {}
     for starts, results in parts:
-        given_up = results['label'] == UNRESOLVED
+        given_up = results['label'] == UNSETTLED
         is_merged = np.isfinite(results['release'])
         for k, these in enumerate((~is_merged, is_merged)):
             censored[k] += int(np.sum(given_up & these))
@@ -272,7 +272,7 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
     return counts, censored, Merged(
         np.array([stick for _, stick in rows]),
         (followed['lifetime'] - followed['stick'])[trajectory], numbers[:, 0], numbers[:, 1],
-        trajectory, (followed['label'] == UNRESOLVED)[trajectory])
+        trajectory, (followed['label'] == UNSETTLED)[trajectory])
 
 
 def _mean_and_spread(values: FloatArray, counts: IntArray) -> tuple[float, float]:

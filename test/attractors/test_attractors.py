@@ -11,7 +11,7 @@ from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.attractors import main
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.store.store import open_dataset
 
@@ -107,7 +107,7 @@ def test_an_orbit_is_given_with_its_smallest_period():
 def test_a_long_transient_is_not_called_an_attractor():
     """Just above the crisis nothing has a positive exponent for ever: what is left is counted."""
     catalogue = search(Parameters(alpha=1.244), 40, hold=3000)
-    left = int(np.sum(catalogue.labels == UNRESOLVED))
+    left = int(np.sum(catalogue.labels == UNSETTLED))
     assert not catalogue.chaotic
     assert left > 10
     assert [orbit.impacts for orbit in catalogue.orbits] == [4]
@@ -121,7 +121,7 @@ def test_an_orbit_that_sticks_is_recognised():
     assert np.all(orbit.multipliers == 0)
     # Released where a(tau, 0) = 0, the mass is at the other end of the orbit a flight later.
     assert abs(orbit.velocities).min() < 1e-9
-    assert np.all(catalogue.labels != UNRESOLVED)
+    assert np.all(catalogue.labels != UNSETTLED)
 
 
 def test_the_tool_writes_what_it_prints(tmp_path, capsys):

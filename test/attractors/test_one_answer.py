@@ -16,7 +16,7 @@ from gear_rattle_ros.core.flight.lanes import IMPACT
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.chaotic_sets import BRIEF, count_pieces, SWEEP, THOROUGH
 from gear_rattle_ros.core.many.recorded import record_impacts
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
@@ -84,7 +84,7 @@ def test_every_tool_finds_the_same(values, tmp_path):
     plane = Plane(phases=20, velocities=20)
     _, labels, _, attractors = basin(tmp_path / 'a', plane, parameters, settings=Settings(
         cap=20_000, initial_conditions=100, seed=4, hold=20_000))
-    of = {each.label: each.key for each in attractors} | {UNRESOLVED: 'unsettled'}
+    of = {each.label: each.key for each in attractors} | {UNSETTLED: 'unsettled'}
     shares = {of[label]: float(np.mean(labels == label)) for label in np.unique(labels).tolist()}
     assert_one_answer(known(first), shares, 300, 400)
 

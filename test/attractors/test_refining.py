@@ -11,7 +11,7 @@ from gear_rattle_ros.attractors.catalogue import Catalogue
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.refining import late_orbits, Level, refine
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters
 
 EDGE, CAP = 40, 3000
@@ -57,7 +57,7 @@ def test_what_was_not_looked_at_is_unsettled_or_as_it_was(catalogue: Catalogue) 
         level.follow(CAP, catalogue.table, until=time.monotonic() - 1.0)
         assert level.impacts == level.rounds == 0 and level.unsettled == 1.0
         assert np.array_equal(level.labels, coarse.labels if begun else np.full(
-            (EDGE, EDGE), UNRESOLVED))
+            (EDGE, EDGE), UNSETTLED))
 
 
 def test_late_orbits_enter_all_later_levels() -> None:
@@ -85,4 +85,4 @@ def test_nothing_is_followed_where_areas_are_kept() -> None:
         yield level_of(CONSERVING), find_attractors(CONSERVING)
 
     shown = [(each.impacts, each.unsettled, is_done) for each, _, is_done in refine(levels())]
-    assert shown == [(0, 1.0, True)] * 2 and np.all(level.labels == UNRESOLVED)
+    assert shown == [(0, 1.0, True)] * 2 and np.all(level.labels == UNSETTLED)

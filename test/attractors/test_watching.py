@@ -9,7 +9,7 @@ import pytest
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 
@@ -40,7 +40,7 @@ def test_starts_end_where_the_simulation_ends(on_walls: bool) -> None:
     last = pictures(TWO_ATTRACTORS, (50, 60), on_walls=on_walls)[-1]
     periods = [orbit.impacts for orbit in last.catalogue.orbits]
     assert sorted(periods) == [2, 3] and not last.catalogue.late
-    assert not np.any(last.labels == UNRESOLVED)
+    assert not np.any(last.labels == UNSETTLED)
     compared = 0
     for row, column in np.random.default_rng(3).integers(0, 60, (40, 2)):
         velocity = float(last.plane.velocity_values()[row])
@@ -74,17 +74,17 @@ def test_impacts_lie_in_the_basin_of_their_attractor() -> None:
 def test_chaos_is_grey_at_first_and_found_then() -> None:
     """At 0.57 the coarse picture knows A alone, a finer one the chaotic attractor B as well."""
     coarse, *_, fine = pictures(Parameters(0.57), (50, 60))
-    assert not coarse.is_complete and coarse.share(UNRESOLVED) > 0.1
-    assert fine.is_complete and fine.share(UNRESOLVED) < 0.01
+    assert not coarse.is_complete and coarse.share(UNSETTLED) > 0.1
+    assert fine.is_complete and fine.share(UNSETTLED) < 0.01
     assert len(fine.catalogue.chaotic) == 1
     assert fine.share(len(fine.catalogue.orbits)) == pytest.approx(
-        coarse.share(UNRESOLVED), abs=0.05)
+        coarse.share(UNSETTLED), abs=0.05)
 
 
 def test_a_long_transient_stays_unsettled_without_being_waited_for() -> None:
     """Beyond the crisis, where the mean lifetime is thousands of impacts."""
     last = pictures(Parameters(1.244), (50, 60), cap=400)[-1]
-    assert not last.catalogue.chaotic and 0.5 < last.share(UNRESOLVED) < 0.98
+    assert not last.catalogue.chaotic and 0.5 < last.share(UNSETTLED) < 0.98
 
 
 def test_work_is_dropped() -> None:
@@ -125,11 +125,11 @@ def test_chaos_told_early_is_chaos(alpha: float) -> None:
     fine, *_ = [picture for picture in reversed(pictures(Parameters(alpha), (50, 400, 401)))
                 if picture.plane.phases == 400]
     catalogue = fine.catalogue
-    assert catalogue.stay < 128 and fine.share(UNRESOLVED) < 0.001
+    assert catalogue.stay < 128 and fine.share(UNSETTLED) < 0.001
     starts = fine.plane.cells(catalogue.parameters, slice(0, 400), slice(0, 400))
     starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
     certain = dataclasses.replace(catalogue, stay=1024).label(
         starts, 20_000)['label'].reshape(400, 400)
-    compared = (certain != UNRESOLVED) & (fine.labels != UNRESOLVED)
+    compared = (certain != UNSETTLED) & (fine.labels != UNSETTLED)
     assert compared.mean() > 0.99
     assert np.array_equal(fine.labels[compared], certain[compared])

@@ -17,7 +17,7 @@ import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP
@@ -174,7 +174,7 @@ def test_view_is_saved_with_the_command_that_makes_it(
     ours = next(labels for labels in (before, np.array(tab.array('label')))
                 if labels.size == theirs.size)
     assert np.mean(ours == theirs) > 0.9999
-    assert not np.any(theirs == UNRESOLVED)
+    assert not np.any(theirs == UNSETTLED)
 
 
 def test_deepest_window_says_that_float64_ends(tab: Tab) -> None:

@@ -9,7 +9,7 @@ import pytest
 from gear_rattle_ros.attractors.finding import CONSERVES, find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.explorer.catalogues import Catalogues
 from gear_rattle_ros.explorer.computing import Picture, pictures
@@ -117,7 +117,7 @@ def test_rest_has_colour_and_words(resting: Picture) -> None:
     """Where nothing but rest is left there is one colour, and the legend names it."""
     colours = Colours().followed(resting.known)
     assert len(np.unique(resting.labels)) == 1
-    assert UNRESOLVED not in resting.labels
+    assert UNSETTLED not in resting.labels
     assert 'at rest, upper wall' in legend(resting, colours)
     assert '100.0 %' in legend(resting, colours)
     assert paint(resting, colours).shape == (50, 50, 4)
@@ -128,7 +128,7 @@ def test_where_areas_are_kept_all_is_unsettled_and_said_why(kind: str) -> None:
     """Up to the finest level, in seconds; exponents do not need attractors."""
     view = View(Parameters(alpha=0.1, beta=0.0, gamma=0.0, restitution=1.0), kind=kind)
     picture = until(view, 400 if kind != EXPONENTS else 100)
-    assert np.all(picture.labels == UNRESOLVED) and not np.any(picture.lifetimes)
+    assert np.all(picture.labels == UNSETTLED) and not np.any(picture.lifetimes)
     words = legend(picture, Colours().followed(picture.known))
     if kind == EXPONENTS:
         assert picture.exponents is not None and np.any(picture.exponents)

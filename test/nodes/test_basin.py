@@ -16,7 +16,7 @@ from gear_rattle_ros.attractors.finding import CONSERVES
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.watching import glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.many.settling import UNRESOLVED
+from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
@@ -24,7 +24,7 @@ from gear_rattle_ros.palette import ENDS
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 # The colour of a start that has not settled.
-UNSETTLED = int(ENDS[UNRESOLVED][1:], 16)
+PALE = int(ENDS[UNSETTLED][1:], 16)
 
 
 class Pictures:
@@ -56,7 +56,7 @@ class Pictures:
         # All pictures at one alpha bear the same stamp.
         shares = dict(points_of(self.clouds[-1])[['label', 'share']].tolist())
         return (float(values_of(self.states[-1])['unsettled']) == 0.0
-                and not np.any(pixels_of(self.images[-1]) == UNSETTLED)
+                and not np.any(pixels_of(self.images[-1]) == PALE)
                 and sum(shares.values()) == pytest.approx(1.0))
 
 

@@ -19,7 +19,7 @@ from gear_rattle_ros.core.many.settling import (
     RESTS_UPPER,
     RESULT,
     STEPS,
-    UNRESOLVED,
+    UNSETTLED,
     WATCH,
 )
 from gear_rattle_ros.core.model import EventKind, Parameters, State
@@ -211,8 +211,8 @@ def test_starts_that_are_given_up_are_counted_not_guessed(tmp_path):
     """With a cap of a few impacts nearly nothing settles."""
     settings = dataclasses.replace(SETTINGS, cap=12)
     _, label, lifetime, _ = basin(tmp_path / 'a', PLANE, settings=settings)
-    assert np.mean(label == UNRESOLVED) > 0.8
-    assert np.all(lifetime[label == UNRESOLVED] == 12)
+    assert np.mean(label == UNSETTLED) > 0.8
+    assert np.all(lifetime[label == UNSETTLED] == 12)
 
 
 def test_the_dataset_says_what_it_is(reference):

@@ -8,7 +8,7 @@ from gear_rattle_ros.attractors.catalogue import Catalogue, follow_here
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.many.settling import RESULT, UNRESOLVED
+from gear_rattle_ros.core.many.settling import RESULT, UNSETTLED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.studies.lifetimes import (
     distribution,
@@ -155,9 +155,9 @@ def grid(tmp_path_factory):
 
 def test_a_larger_cap_agrees_with_the_estimate(grid):
     """What is short stays what it was; the mean of the censored run holds for the longer one."""
-    escape, censored = escape_of(grid), grid['label'].values == UNRESOLVED
+    escape, censored = escape_of(grid), grid['label'].values == UNSETTLED
     longer = lifetimes(Parameters(alpha=1.244), PLANE, **SETTINGS | {'cap': 6000})
-    more, censored_2 = escape_of(longer), longer['label'].values == UNRESOLVED
+    more, censored_2 = escape_of(longer), longer['label'].values == UNSETTLED
     assert np.array_equal(grid['lifetime'].values[~censored], longer['lifetime'].values[~censored])
     assert np.all(grid['lifetime'].values[censored] == 1500)
     assert np.all(longer['lifetime'].values[censored] > 1450)
@@ -169,7 +169,7 @@ def test_a_larger_cap_agrees_with_the_estimate(grid):
 def test_the_store_keeps_the_distribution(grid):
     """The dataset carries the survival and the estimate with its error."""
     escape = escape_of(grid)
-    censored = float(np.mean(grid['label'].values == UNRESOLVED))
+    censored = float(np.mean(grid['label'].values == UNSETTLED))
     assert float(grid['survival'][-1]) == pytest.approx(censored)
     assert int(grid['escapes'].sum()) == escape.initial_conditions - escape.censored
     assert grid.attrs['escape_mean'] == escape.mean

@@ -23,7 +23,7 @@ from ..model import STICKING_SPEED
 from ..orbits.section import distance
 
 # Labels that are no number of an attractor of the table.
-UNRESOLVED: Final = -1
+UNSETTLED: Final = -1
 RESTS_UPPER: Final = -2
 RESTS_LOWER: Final = -3
 FLOATING: Final = -4
@@ -365,4 +365,4 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
             elif tile.end[i] == FLOATS:
                 finish(tile, i, results[number], FLOATING, n, n)
             elif tile.left[i] <= 0.0:
-                finish(tile, i, results[number], UNRESOLVED, n, n)
+                finish(tile, i, results[number], UNSETTLED, n, n)
