@@ -2,16 +2,18 @@
 
 import dataclasses
 import math
+import sys
 
 from grids import basin
 import numpy as np
 import pytest
 
-from gear_rattle_ros.attractors.catalogue import Catalogue, Kind
+from gear_rattle_ros.attractors.catalogue import Catalogue, HOLD, Kind
 from gear_rattle_ros.attractors.columns import find_branches, Window
-from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.finding import CONSERVES, find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.continuation import main
+from gear_rattle_ros.attractors.refining import Level
+from gear_rattle_ros.cli import attractors, basins, continuation, lifetimes
 from gear_rattle_ros.core.flight.lanes import IMPACT
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.chaotic_sets import BRIEF, count_pieces, SWEEP, THOROUGH
@@ -20,7 +22,7 @@ from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
-from gear_rattle_ros.store.store import open_dataset
+from gear_rattle_ros.store.store import open_dataset, Store
 from gear_rattle_ros.studies.basins import Settings
 
 # (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
@@ -42,9 +44,16 @@ def named(values: tuple[float, ...]) -> str:
     return '-'.join(map(str, values))
 
 
-every_set = pytest.mark.parametrize('values', [
+@pytest.fixture(scope='module', ids=named, params=[
     *FAST, *(pytest.param(values, marks=pytest.mark.long) for values in (*PAPERS, *OTHERS)
-             if values not in FAST)], ids=named)
+             if values not in FAST)])
+def first(request):
+    """Search as the basin node does; tests of the same set follow each other."""
+    parameters = Parameters(*request.param)
+    return find_attractors(parameters, Plane().draw(parameters, 300, 1), hold=20_000,
+                           effort=BRIEF)
+
+
 # So many standard errors apart: for some hundred comparisons.
 APART = 4.5
 
@@ -65,17 +74,12 @@ def assert_one_answer(some: dict[str, float], others: dict[str, float], count: i
         assert abs(a - b) < APART * error + 1.0 / count, (key, some, others)
 
 
-@every_set
-def test_every_tool_finds_the_same(values, tmp_path):
+def test_every_tool_finds_the_same(first, tmp_path):
     """Other initial conditions, orbit diagrams and grids give the same keys and shares."""
-    parameters = Parameters(*values)
-    starts = Plane().draw(parameters, 300, 1)
-    first = find_attractors(parameters, starts, hold=20_000)
+    parameters = first.parameters
     keys = [each.key for each in first.attractors]
     assert len(set(keys)) == len(keys)
     assert sum(each.share for each in first.attractors) == pytest.approx(1.0)
-    again = find_attractors(parameters, Plane().draw(parameters, 200, 2), hold=20_000)
-    assert_one_answer(known(first), known(again), 300, 200)
     catalogue, branches = find_branches(parameters, Plane().draw(parameters, 96, 3),
                                         Window(keep=64, bins=10, hold=20_000))
     assert known(catalogue) == {
@@ -84,6 +88,8 @@ def test_every_tool_finds_the_same(values, tmp_path):
     plane = Plane(phases=20, velocities=20)
     _, labels, _, attractors = basin(tmp_path / 'a', plane, parameters, settings=Settings(
         cap=20_000, initial_conditions=100, seed=4, hold=20_000))
+    assert_one_answer(known(first), {
+        each.key: each.share for each in attractors if each.settled}, 300, 100)
     of = {each.label: each.key for each in attractors} | {UNSETTLED: 'unsettled'}
     shares = {of[label]: float(np.mean(labels == label)) for label in np.unique(labels).tolist()}
     assert_one_answer(known(first), shares, 300, 400)
@@ -100,7 +106,7 @@ def test_continuation_agrees(values, tmp_path):
              if name != 'alpha']
     alphas = [repr(parameters.alpha * (1.0 + step)) for step in (-1e-7, 1e-7)]
     path = tmp_path / 'k.zarr'
-    assert main([*words, '--alpha', *alphas, '--columns', '3', '--trajectories', '96',
+    assert continuation.main([*words, '--alpha', *alphas, '--columns', '3', '--trajectories', '96',
                  '--hold', '20000', '--tolerance', '1e-3', '--output', str(path)]) == 0
     middle = open_dataset(path).isel(sweep=0, alpha=1)
     shares = {key: share for key, share in zip(
@@ -111,18 +117,14 @@ def test_continuation_agrees(values, tmp_path):
         assert_one_answer(known(first), shares, 300, 96)
 
 
-@every_set
-def test_the_live_detector_agrees(values):
+def test_the_live_detector_agrees(first):
     """What the detector sees in the stream of one initial condition is its label."""
-    parameters = Parameters(*values)
-    starts = Plane().draw(parameters, 24, 5)
-    catalogue = find_attractors(parameters, starts, hold=20_000)
-    results = catalogue.label(starts, 20_000)
-    for start, result in zip(starts[:8], results[:8], strict=True):
+    starts = Plane().draw(first.parameters, 300, 1)[:6]
+    for start, result in zip(starts, first.label(starts), strict=True):
         detector = TransientDetector()
-        simulation = Simulation(parameters, State(
+        simulation = Simulation(first.parameters, State(
             0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
-        attractor = {each.label: each for each in catalogue.attractors}.get(int(result['label']))
+        attractor = {each.label: each for each in first.attractors}.get(int(result['label']))
         kind = attractor.kind if attractor else Kind.UNSETTLED
         # An orbit is reported when it has recurred for long.
         more = 6000 if kind is Kind.PERIODIC else 0
@@ -148,7 +150,7 @@ def test_the_live_detector_agrees(values):
 def test_a_plain_simulation_of_a_million_impacts_agrees(values):
     """What is chaotic stays so for a million impacts from 32 states; orbits recur to the end."""
     parameters = Parameters(*values)
-    catalogue = find_attractors(parameters)
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 1))
     for each in catalogue.attractors:
         if each.kind not in (Kind.CHAOTIC, Kind.PERIODIC):
             continue
@@ -166,16 +168,17 @@ def test_a_plain_simulation_of_a_million_impacts_agrees(values):
                 assert q == each.impacts
 
 
-@pytest.mark.parametrize(('values', 'shares'), [
-    ((0.09,), {'orbit-1-1-U0.9922+0.3307': 0.51, 'unsettled': 0.0}),
-    pytest.param((0.56476,), {'orbit-128-64-U5.3984+0.8932': 0.241}, marks=pytest.mark.long),
-    pytest.param((5.0, 0.0159, 2.533), {'orbit-250-3-U0.0398+0.2344': 1.0},
+@pytest.mark.parametrize(('values', 'hold', 'shares'), [
+    ((0.09,), 20_000, {'orbit-1-1-U0.9922+0.3307': 0.51, 'unsettled': 0.0}),
+    pytest.param((0.56476,), HOLD, {'orbit-128-64-U5.3984+0.8932': 0.241},
+                 marks=pytest.mark.long),
+    pytest.param((5.0, 0.0159, 2.533), HOLD, {'orbit-250-3-U0.0398+0.2344': 1.0},
                  marks=pytest.mark.long),
 ])
-def test_published_shares(values, shares):
+def test_published_shares(values, hold, shares):
     """Every initial condition is labelled, however fast its orbit and however late it settles."""
     parameters = Parameters(*values)
-    catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 1))
+    catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 1), hold=hold)
     for key, share in shares.items():
         found = known(catalogue).get(key, 0.0)
         error = max(math.sqrt(share * (1.0 - share) / 300), 1e-9)
@@ -237,12 +240,25 @@ def test_pieces_are_counted_across_trajectories(pieces):
     assert count_pieces(rows) == pieces
 
 
-def test_what_keeps_areas_has_no_attractors():
-    """With r = 1 and beta = 0 the determinant is 1: nothing is called an attractor."""
-    parameters = Parameters(0.1, 0.0, 0.0, 1.0)
-    catalogue = find_attractors(parameters, Plane().draw(parameters, 50, 1))
-    only, = catalogue.attractors
+@pytest.mark.parametrize('tool', [attractors, basins, lifetimes],
+                         ids=lambda tool: tool.main.name)
+def test_what_keeps_areas_has_no_attractors(tool, tmp_path, monkeypatch, capsys):
+    """With r = 1 and beta = 0 the determinant is 1: one line says so, and nothing is followed."""
+    parameters, path = Parameters(0.1, 0.0, 0.0, 1.0), tmp_path / 'a.zarr'
+    only, = find_attractors(parameters).attractors
     assert (only.kind, only.share) == (Kind.UNSETTLED, 1.0)
+    is_grid = tool is not attractors
+    for one in (Catalogue, Level):
+        monkeypatch.setattr(sys.modules[one.__module__], 'follow_here', None)
+    assert tool.main([
+        *(f'--{name}={value}' for name, value in dataclasses.asdict(parameters).items()),
+        *(['--size=40', '--cap=900'] if is_grid else []), f'--output={path}']) == 0
+    assert capsys.readouterr().out.splitlines() == [CONSERVES, str(path)]
+    if is_grid:
+        store = Store(path)
+        assert np.all(store.read_all('label') == UNSETTLED)
+        assert np.all(store.read_all('lifetime') == 900)
+        assert tool is basins or store.attributes['escape_mean'] == 'inf'
 
 
 @pytest.mark.long

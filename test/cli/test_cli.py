@@ -81,8 +81,8 @@ def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
 def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     """A real process is interrupted, and the command it prints finishes the store."""
     def command(path):
-        return [sys.executable, '-m', 'gear_rattle_ros.start', tool, '--size', '80', '--tile',
-                '16', '--threads', '1', *shlex.split(options), '--output', str(path)]
+        return [sys.executable, '-m', 'gear_rattle_ros.start', tool, '--size', '60', '--tile',
+                '12', '--threads', '1', *shlex.split(options), '--output', str(path)]
 
     path = tmp_path / 'a.zarr'
     process = subprocess.Popen(command(path), stderr=subprocess.PIPE, stdout=subprocess.PIPE,

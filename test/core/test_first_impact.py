@@ -76,7 +76,7 @@ def tangencies(seed: int, count: int) -> Iterator[Flight]:
 def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
     """At most two zeros of a(tau, 0) in a drive period: the next is returned, in 50 digits."""
     with mp.workdps(DIGITS):
-        for phase, _, _, alpha, beta, gamma in random_starts(1, 300).tolist():
+        for phase, _, _, alpha, beta, gamma in random_starts(1, 100).tolist():
             f = Flight(phase, 0.0, 0.0, alpha, beta, gamma)
             delay = force_zero_delay(phase, 1e-14, alpha, beta, gamma)
             size = alpha * (1.0 + beta) + abs(gamma)
@@ -95,7 +95,7 @@ def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
 def test_a_flight_turns_once_at_most_between_zeros_of_the_force() -> None:
     """exp(beta t) v has the derivative exp(beta t) a(tau, 0), so v changes its sign once."""
     with mp.workdps(DIGITS):
-        for phase, s, v, alpha, beta, gamma in random_starts(2, 100).tolist():
+        for phase, s, v, alpha, beta, gamma in random_starts(2, 40).tolist():
             f = Flight(phase, s, v, alpha, beta, gamma)
             delay = force_zero_delay(phase, 1e-14, alpha, beta, gamma)
             t = mp.mpf(delay) / 3
@@ -204,7 +204,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
     """Where steps shrink without end: no impact is made off a wall and none is missed."""
     slow = 0
     with mp.workdps(DIGITS):
-        for f in tangencies(5, 300):
+        for f in tangencies(5, 100):
             d, effort, _, wall = search_impact(
                 0.0, 0, 20.0, f.phase, f.displacement, f.velocity, f.alpha, f.beta, f.gamma)
             slow += effort > 64 + 4 * d
@@ -218,7 +218,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
             if wall != NO_WALL:
                 s = f.displacement_at(mp.mpf(d))
                 assert abs(s - (0 if wall == UPPER else -1)) <= rounding
-    assert slow > 20
+    assert slow > 6
 
 
 @pytest.mark.parametrize('cuts', [(1e-9, 1e-6, 1e-3, 0.1), (0.5, 0.9, 0.99, 1.0, 1.0 + 1e-9)])

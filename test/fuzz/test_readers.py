@@ -38,7 +38,7 @@ def test_the_corpus_is_read() -> None:
 
 
 @pytest.mark.parametrize('text', [
-    '[' * 5000, 'a: 2001-99-99', '- 1', '!!int x: 1', '!!float "": 1', '!!timestamp x', '\x00',
+    '[' * 1200, 'a: 2001-99-99', '- 1', '!!int x: 1', '!!float "": 1', '!!timestamp x', '\x00',
     'rosbag2_bagfile_information: {storage_identifier: [a, b]}', '!!python/object:os.system x'])
 def test_metadata_that_is_none(text: str) -> None:
     """What yaml itself trips over is refused as well, naming the file."""

@@ -44,7 +44,7 @@ def test_each_file_is_whole_for_its_reader(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('text', [
-    '[' * 5000, 'a: 2001-99-99', '!!int x: 1', '!!float "": 1', '!!timestamp x', '\x00', '\xff',
+    '[' * 1200, 'a: 2001-99-99', '!!int x: 1', '!!float "": 1', '!!timestamp x', '\x00', '\xff',
     '!!python/object:os.system x', 'figure: 3\ncommand: "basins \'"'])
 def test_text_that_yaml_trips_over(tmp_path: Path, text: str) -> None:
     """Both refuse it."""

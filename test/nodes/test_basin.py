@@ -146,6 +146,7 @@ def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin:
     assert basin.stop(signal.SIGINT) == 0, basin.text()
 
 
+@pytest.mark.long
 def test_work_is_dropped_when_parameters_move(start: Callable, rclpy_node: Node, spin: Callable
                                               ) -> None:
     """Of a fast ramp only the last value is drawn fine; one who comes late is given it."""

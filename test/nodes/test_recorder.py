@@ -69,7 +69,8 @@ def matched(spin, *publishers) -> None:
     spin(lambda: all(publisher.get_subscription_count() for publisher in publishers))
 
 
-@pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('stop', [
+    signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_everything_is_recorded_under_load(
         record, impacts, rclpy_node, spin, tmp_path: Path, stop: int) -> None:
     """Half a million events, a latched topic, a clock: rosbags finds all, hashes and all."""

@@ -174,15 +174,15 @@ def test_live_retune_is_continuous_and_raises_the_epoch(start, reader, steering)
     assert np.concatenate([head, tail, rest]).tobytes() == events.tobytes()
 
 
-@pytest.mark.parametrize('values', [
-    {'alpha': -0.1}, {'alpha': math.nan}, {'restitution': 1.5}, {'beta': 'x'},
-    {'alpha': 0.5, 'gamma': math.inf}, {'omega': 3.0}, {'initial_displacement': 1.0}])
-def test_refused_value_changes_nothing(start, steering, values):
+def test_refused_value_changes_nothing(start, steering):
     """The answer has a reason, and everything is as it was."""
     start('simulator')
-    result = steering.put(**values)
-    assert not result.successful and result.reason
-    assert steering.get('alpha', 'gamma', 'beta') == [0.48, 0.1, 0.1]
+    for values in (
+            {'alpha': -0.1}, {'alpha': math.nan}, {'restitution': 1.5}, {'beta': 'x'},
+            {'alpha': 0.5, 'gamma': math.inf}, {'omega': 3.0}, {'initial_displacement': 1.0}):
+        result = steering.put(**values)
+        assert not result.successful and result.reason, values
+        assert steering.get('alpha', 'gamma', 'beta') == [0.48, 0.1, 0.1], values
 
 
 def test_reset_sets_the_state_and_never_goes_back_in_time(start, reader, steering):
@@ -241,7 +241,7 @@ def test_full_speed_loses_nothing_to_a_slow_reader(start, reader):
         take(cloud)
 
     reader.take = slowly
-    events = reader.until(300_000)
+    events = reader.until(80_000)
     assert events.tobytes() == reference(len(events)).tobytes()
 
 

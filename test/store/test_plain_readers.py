@@ -28,7 +28,7 @@ SMALL = {
     lifetimes: '--size 6 --starts 20 --tile 3 --hold 1000 --cap 2000',
     orbit_diagram: '--alpha 0.48 0.5 --columns 3 --bins 20 --trajectories 3 --skip 100 '
                    '--keep 256',
-    section: '--trajectories 3 --keep 300 --skip 10 --bins 9 8'}
+    section: '--alpha 0.48 --trajectories 3 --keep 300 --skip 10 --bins 9 8'}
 
 
 def assert_same(found, expected, as_kept=None):

@@ -92,6 +92,7 @@ def test_captor_and_saddle_are_born_in_a_fold(boundary):
     assert 1.20 < boundary.fold < 1.21
 
 
+@pytest.mark.long
 def test_manifolds_cross_where_trajectories_escape_and_not_where_they_stay(boundary):
     below = find_edge(boundary.at(1.2430).directions, samples=4000)
     above = find_edge(boundary.at(1.2436).directions, samples=4000)

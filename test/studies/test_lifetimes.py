@@ -20,7 +20,7 @@ from gear_rattle_ros.studies.lifetimes import (
 )
 
 SETTINGS = {'cap': 1500, 'initial_conditions': 64, 'hold': 4000}
-PLANE = Plane(phases=40, velocities=40)
+PLANE = Plane(phases=32, velocities=32)
 
 
 def test_the_estimate_is_unbiased_under_censoring():
@@ -76,7 +76,8 @@ def estimates(parameters, plane, cap, seeds, count):
         yield estimate_escape(counts[0], int(censored[0]), cap // 10, merged)
 
 
-@pytest.mark.parametrize(('alpha', 'cap'), [(1.26, 600), (1.3, 300)])
+@pytest.mark.parametrize(('alpha', 'cap'), [
+    pytest.param(1.26, 600, marks=pytest.mark.long), (1.3, 300)])
 def test_estimates_scatter_as_their_errors_say(alpha, cap):
     """Twenty seeds: chi^2 of mean and rate lies between its 0.1 % and 99.9 % quantiles."""
     found = list(estimates(Parameters(alpha), Plane(), cap, range(20), 1600))

@@ -77,7 +77,9 @@ INSTALLS = {
 }
 
 
-@pytest.fixture(scope='module', params=INSTALLS)
+@pytest.fixture(scope='module', params=[
+    pytest.param('pip', marks=pytest.mark.long), 'pip-editable', 'colcon',
+    pytest.param('colcon-symlink', marks=pytest.mark.long)])
 def kind(request: pytest.FixtureRequest) -> str:
     """Name one of the ways to install."""
     return str(request.param)
