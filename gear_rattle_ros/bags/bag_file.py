@@ -22,7 +22,7 @@ _CHUNK: Final = 2 * 1024 * 1024
 
 
 class _Sink:
-    """A file that hands every write on at once and whole, so that an error belongs to it."""
+    """A file without a buffer: a write is whole or raises its own error."""
 
     def __init__(self, path: Path) -> None:
         self._raw = path.open('xb', buffering=0)
@@ -39,15 +39,15 @@ class _Sink:
         return self.size
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: there is no buffer."""
 
     def sync(self) -> None:
-        # One that is closed meanwhile is on the disk.
+        # A file that was closed meanwhile is on the disk.
         with contextlib.suppress(ValueError):
             os.fdatasync(self._raw.fileno())
 
     def close(self, size: int) -> None:
-        """Close, without what lies behind a size."""
+        """Close, and cut off what lies behind a size."""
         with self._raw:
             if self._raw.tell() > size:
                 self._raw.truncate(size)
@@ -56,7 +56,7 @@ class _Sink:
 
 @dataclasses.dataclass
 class _Tally:
-    """What was written of a file."""
+    """The messages of a file by channel, their log times, and the size of the file."""
 
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
     start: int = 2**63 - 1
@@ -68,7 +68,7 @@ class _Tally:
 
 
 class BagFile:
-    """A file of a bag; every method but `abandon` raises OSError where it cannot be written."""
+    """A file of a bag; every method but `abandon` raises OSError if it cannot be written."""
 
     def __init__(self, path: Path, compression: str) -> None:
         self.path = path
@@ -79,7 +79,7 @@ class BagFile:
         self._settled = _Tally()
         self._open_chunk = 0
         self._is_closed = False
-        # Written once more behind the chunk they stand in: its loss would be that of all.
+        # Topics, written once more behind their chunk: without them no message can be read.
         self._repeated = RecordBuilder()
         self._sink = _Sink(path)
         self._writer = Writer(
@@ -94,7 +94,7 @@ class BagFile:
 
     @property
     def start(self) -> int:
-        """Return the log time of the first message [ns]."""
+        """Return the log time of the first message."""
         return self._written.start
 
     def part(self) -> metadata.Part:
@@ -108,12 +108,11 @@ class BagFile:
 
     def add_topic(self, topic: Topic) -> int:
         """Announce a topic and return its channel; the same order gives the same channels."""
-        offered = metadata.dump([dict(qos) for qos in topic.offered_qos])
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name, topic.encoding, topic.definition.encode())
         described = {
-            'offered_qos_profiles': offered,
+            'offered_qos_profiles': metadata.dump([dict(qos) for qos in topic.offered_qos]),
             'topic_type_hash': topic.type_hash,
         }
         schema = self._schemas[topic.type_name]
@@ -157,7 +156,7 @@ class BagFile:
         self._is_closed = True
 
     def abandon(self) -> None:
-        """After an error: cut off what was written in part, so that the rest stays readable."""
+        """After an error, cut off what was written in part, so that the rest stays readable."""
         if not self._is_closed:
             self._is_closed = True
             with contextlib.suppress(OSError, ValueError):

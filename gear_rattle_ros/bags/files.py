@@ -29,7 +29,7 @@ BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struc
 
 @dataclasses.dataclass(frozen=True)
 class Message:
-    """A message as it was recorded; times are nanoseconds, `data` is its serialized form."""
+    """A message as it was recorded; `data` is its serialized form."""
 
     topic: str
     type_name: str
@@ -41,7 +41,7 @@ class Message:
 
 @dataclasses.dataclass
 class Contents:
-    """What is in a file."""
+    """The topics of a file, and the messages and log times in it."""
 
     topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
     counts: dict[str, int] = dataclasses.field(default_factory=dict)
@@ -78,31 +78,26 @@ def read_summary(stream: IO[bytes]) -> Contents | None:
     contents = Contents(
         start=statistics.message_start_time, end=statistics.message_end_time, is_indexed=True)
     for number, channel in summary.channels.items():
-        _add_topic(contents, channel, summary.schemas)
+        _add_topic(contents, channel, summary.schemas[channel.schema_id])
         contents.counts[channel.topic] += statistics.channel_message_counts.get(number, 0)
     return contents
 
 
 def scan(stream: IO[bytes]) -> Contents:
     contents = Contents()
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    for record in _records(stream):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-            _add_topic(contents, record, schemas)
-        elif isinstance(record, mcap.records.Message):
-            contents.counts[channels[record.channel_id].topic] += 1
-            contents.start = min(contents.start, record.log_time)
-            contents.end = max(contents.end, record.log_time)
+    for schema, channel, message in _described(stream):
+        _add_topic(contents, channel, schema)
+        if message is not None:
+            contents.counts[channel.topic] += 1
+            contents.start = min(contents.start, message.log_time)
+            contents.end = max(contents.end, message.log_time)
     return contents
 
 
-def _add_topic(contents: Contents, channel: Channel, schemas: dict[int, Schema]) -> None:
-    contents.counts.setdefault(channel.topic, 0)
-    contents.topics.setdefault(channel.topic, describe_topic(channel, schemas[channel.schema_id]))
+def _add_topic(contents: Contents, channel: Channel, schema: Schema) -> None:
+    if channel.topic not in contents.topics:
+        contents.counts[channel.topic] = 0
+        contents.topics[channel.topic] = describe_topic(channel, schema)
 
 
 def describe_topic(channel: Channel, schema: Schema) -> Topic:
@@ -117,9 +112,8 @@ def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
         profiles = read_yaml(text)
     except ValueError:
         return ()
-    if not isinstance(profiles, list):
-        return ()
-    return tuple(profile for profile in profiles if isinstance(profile, dict))
+    return tuple(profile for profile in profiles if isinstance(profile, dict)) \
+        if isinstance(profiles, list) else ()
 
 
 def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
@@ -132,30 +126,37 @@ def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
 
 def read_through(stream: IO[bytes], topics: Collection[str] | None, start: int,
                  end: int) -> Iterator[Message]:
+    waiting: list[tuple[int, int, Message]] = []
+    for number, (schema, channel, message) in enumerate(_described(stream)):
+        if message is None or not start <= message.log_time <= end or (
+                topics is not None and channel.topic not in topics):
+            continue
+        heapq.heappush(
+            waiting, (message.log_time, number, _message(channel, schema.name, message)))
+        while waiting[0][0] < message.log_time - _WINDOW:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+def _described(
+        stream: IO[bytes]) -> Iterator[tuple[Schema, Channel, mcap.records.Message | None]]:
+    """Yield every message with its topic, and every topic when it is announced."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    waiting: list[tuple[int, int, Message]] = []
-    number = 0
     for record in _records(stream):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel):
             channels[record.id] = record
-        elif isinstance(record, mcap.records.Message) and start <= record.log_time <= end:
+            yield schemas[record.schema_id], record, None
+        elif isinstance(record, mcap.records.Message):
             channel = channels[record.channel_id]
-            if topics is not None and channel.topic not in topics:
-                continue
-            number += 1
-            heapq.heappush(waiting, (record.log_time, number, _message(
-                channel, schemas[channel.schema_id].name, record)))
-            while waiting[0][0] < record.log_time - _WINDOW:
-                yield heapq.heappop(waiting)[2]
-    while waiting:
-        yield heapq.heappop(waiting)[2]
+            yield schemas[channel.schema_id], channel, record
 
 
 def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
-    """Return the records of a file up to where it was cut off."""
+    """Yield the records of a file up to where it was cut off."""
     stream.seek(0)
     records = StreamReader(stream, emit_chunks=True).records
     while True:
@@ -168,10 +169,8 @@ def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
             return
         if record is None:
             return
-        if isinstance(record, Chunk):
-            yield from breakup_chunk(record, validate_crc=True)
-        else:
-            yield record
+        yield from breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [
+            record]
 
 
 def _message(channel: Channel, type_name: str, message: mcap.records.Message) -> Message:

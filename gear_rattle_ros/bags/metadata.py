@@ -21,7 +21,7 @@ _NEVER: Final = 2**63 - 1
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """A file of a bag: its messages by topic, and the log time of its first and last [ns]."""
+    """A file of a bag: its messages by topic, and the log time of its first and last."""
 
     name: str
     counts: tuple[tuple[Topic, int], ...]
@@ -49,19 +49,16 @@ def document(parts: Sequence[Part]) -> dict[str, Any]:
         'duration': {'nanoseconds': end - start},
         'starting_time': {'nanoseconds_since_epoch': start},
         'message_count': sum(part.total for part in parts),
-        'topics_with_message_count': [
-            {
-                'topic_metadata': {
-                    'name': topic.name,
-                    'type': topic.type_name,
-                    'serialization_format': 'cdr',
-                    'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
-                    'type_description_hash': topic.type_hash,
-                },
-                'message_count': count,
-            }
-            for topic, count in counts.values()
-        ],
+        'topics_with_message_count': [{
+            'topic_metadata': {
+                'name': topic.name,
+                'type': topic.type_name,
+                'serialization_format': 'cdr',
+                'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
+                'type_description_hash': topic.type_hash,
+            },
+            'message_count': count,
+        } for topic, count in counts.values()],
         'compression_format': '',
         'compression_mode': '',
         'relative_file_paths': [part.name for part in parts],
@@ -95,32 +92,14 @@ def write(directory: Path, information: dict[str, Any]) -> None:
 
 
 def file_names(directory: Path) -> list[str]:
-    """
-    Return the files of a bag in their order.
-
-    Parameters
-    ----------
-    directory : Path
-        The bag.
-
-    Returns
-    -------
-    list of str
-        Their names; where metadata.yaml is missing, all .mcap files.
-
-    Raises
-    ------
-    BagError
-        If metadata.yaml is not that of an MCAP bag.
-
-    """
+    """Return the files of a bag in order; where metadata.yaml is missing, all .mcap files."""
     path = directory / NAME
     try:
         content = read_yaml(path.read_text('utf-8'))
         information = content['rosbag2_bagfile_information']
         storage = information['storage_identifier']
         if storage != 'mcap':
-            # Of a few lines of YAML a value may be made that fills the memory when it is printed.
+            # A few lines of YAML can make a value that fills the memory when it is printed.
             named = repr(storage) if isinstance(storage, str) else type(storage).__name__
             raise BagError(f'{path}: storage is {named[:80]}, not mcap')
         names = list(information['relative_file_paths'])

@@ -1,4 +1,4 @@
-"""Exponents and transients of a bag computed anew, and held against what was recorded live."""
+"""Recompute the exponents and transients of a bag, and compare them with those recorded live."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from .small_messages import Named
+from .cdr import Named
 from ..core.model import EventArray, EventKind
 from ..core.stream.lyapunov import LyapunovReport, RunningLyapunov
 from ..core.stream.report_values import lyapunov_values, texts, transient_values
@@ -15,21 +15,17 @@ from ..core.stream.transients import TransientDetector
 
 TOLERANCE: Final = 1e-3
 WINDOW: Final = 1000
-# Of the mean force of the walls, beside all that enters it [1].
+# Rounding of the mean force of the walls, relative to all that enters it [1].
 ROUNDING: Final = 1e-9
-# What crosses retunes, and so rests on all since the last reset.
+# These go on across retunes, and so rest on all events since the last reset.
 CROSSING: Final = ('lambda_1_finite', 'finite_retunes', 'impulse_balance', 'exact_impulse_balance')
-# Averages kept that a reader may have begun where it came in; more begin only in damaged bags.
+# Averages that a reader may have begun where it joined; more begin only in damaged bags.
 _CANDIDATES: Final = 16
 
 
 @dataclasses.dataclass
 class Tally:
-    """
-    How many reports were found again, bit for bit, and the first that was not.
-
-    `beyond` counts reports that rest on what is not in the bag.
-    """
+    """Reports found again bit for bit, those beyond what the bag holds, and the first fault."""
 
     found: int = 0
     beyond: int = 0
@@ -37,7 +33,7 @@ class Tally:
 
 
 class Stretch:
-    """Where the present stretch without a hole, and the present epoch in it, began."""
+    """The beginning of the present stretch without a hole, and of the present epoch in it."""
 
     def __init__(self) -> None:
         # The number, in the stretch, of the impact that began the epoch, and how it began.
@@ -48,7 +44,7 @@ class Stretch:
         self.is_whole = False
 
     def begin(self, first: Any) -> None:
-        """Begin a stretch; what was before its first record is not known, but at a reset."""
+        """Begin a stretch; only a reset makes what was before its first record known."""
         self.epoch, self.start = int(first['epoch']), int(first['index'])
         self.is_whole = bool(first['kind'] == EventKind.RESET)
         self.begun_by = EventKind.RESET if self.is_whole else None
@@ -64,7 +60,7 @@ class Stretch:
 
 
 class Recomputed:
-    """What both have: the tally, and the reports that wait for their batches."""
+    """The tally, and the recorded reports that wait for their batches."""
 
     def __init__(self) -> None:
         self.tally = Tally()
@@ -82,8 +78,8 @@ class Exponents(Recomputed):
     """
     Recompute every estimate of the Lyapunov node.
 
-    Its average begins at a retune or reset, where the node came in, or behind a hole; the last two
-    at the first record of a batch, which the estimate itself names by index and epoch.
+    Its average begins at a retune or reset, where the node joined, or behind a hole; the last two
+    are at the first record of a batch, which the estimate itself names by index and epoch.
     """
 
     def __init__(self, reports: Sequence[Named]) -> None:
@@ -105,11 +101,11 @@ class Exponents(Recomputed):
         self._stretch = Stretch()
         self._running = RunningLyapunov(self._window)
         self._candidates: list[RunningLyapunov] = []
-        # How far the mean force of the walls was from what it must be, at the most [1].
+        # The largest difference of the mean force of the walls from what it must be [1].
         self.imbalance = 0.0
 
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
-        """Take the next batch [stamp in ns]; is_first where a stretch without a hole begins."""
+        """Take the next batch; `is_first` if it begins a stretch without a hole."""
         first, last = events[0], events[-1]
         if is_first:
             self._is_proven = False
@@ -128,7 +124,7 @@ class Exponents(Recomputed):
             self._compare(report)
 
     def _weigh(self, now: LyapunovReport, last: Any) -> None:
-        # The impulse balance is exact, to the rounding of every impact.
+        # The impulse balance is exact up to the rounding at every impact.
         apart = abs(now.impulse_balance - now.exact_impulse_balance)
         time = now.impacts * now.mean_flight_time
         if not apart >= 0.0 or not time > 1.0:
@@ -166,7 +162,7 @@ class Exponents(Recomputed):
         self._candidates = []
 
     def _is_beyond(self, start: int, expected: Mapping[str, float], report: Named) -> bool:
-        # The tangent vectors come from before, unless all was forgotten at a reset.
+        # The tangent vectors depend on earlier impacts, unless a reset has made them anew.
         stretch = self._stretch
         if stretch.begun_by is None:
             return report.values['impacts'] >= expected['impacts']
@@ -177,8 +173,8 @@ class Transients(Recomputed):
     """
     Recompute every report of the transient node.
 
-    The topic is latched, one deep: of reports in quick succession the last may be all that was
-    published, so those recorded are looked for among those computed.
+    The topic is latched, one deep: of reports in quick succession only the last may have been
+    published, so the recorded ones are looked for among the computed ones.
     """
 
     def __init__(self, reports: Sequence[Named]) -> None:
@@ -192,7 +188,7 @@ class Transients(Recomputed):
                 self.tally.fault = f'tolerance = {report.values["tolerance"]!r} is no number'
             self._pending[report.stamp].append(values)
             self._joins.add(values.get('start'))
-        # All is known from a reset in this epoch on; None where there was none.
+        # Everything is known from a reset in this epoch on; None if there was no reset.
         self._known_from: int | None = None
         self._detectors = [self._fresh()]
 
@@ -207,20 +203,20 @@ class Transients(Recomputed):
             self._known_from = int(resets[0]) if len(resets) else None
         changes = [change for detector in self._detectors for change in detector.update(events)]
         if first['kind'] != EventKind.RESET and str(first['index']) in self._joins:
-            # A node may have come in here.
+            # A node may have joined here.
             self._detectors = [*self._detectors, self._fresh()][-_CANDIDATES:]
             changes += self._detectors[-1].update(events)
         pending = self._pending.get(stamp)
         if pending:
             found = [texts(transient_values(change)) for change in changes]
-            # Several batches may have a stamp: what is not found here is looked for in the next.
+            # Batches may share a stamp: what is not found here is looked for in the next.
             self._pending[stamp] = [report for report in pending if report not in found]
             self.tally.found += len(pending) - len(self._pending[stamp])
 
     def end_stamp(self, stamp: int) -> None:
-        """Judge what was not found in the batches of a stamp."""
+        """Count the reports that were not found in the batches of a stamp, or report a fault."""
         for report in self._pending.pop(stamp, ()):
-            # What began before the bag or in a hole: the node may have seen more of it.
+            # If it began before the bag or in a hole, the node may have seen more of it.
             if self._known_from is None or not self._is_known(report.get('epoch')):
                 self.tally.beyond += 1
             elif not self.tally.fault:

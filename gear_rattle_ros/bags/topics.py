@@ -1,11 +1,11 @@
-"""What a bag knows about a topic."""
+"""A topic as a bag describes it, with the definition of its messages."""
 
 from collections.abc import Callable, Mapping
 import dataclasses
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-# One quality of service, with the keys and words of rosbag2.
+# A quality of service, with the keys and words of rosbag2.
 Qos: TypeAlias = Mapping[str, Any]
 
 _LINE: Final = 80 * '='
@@ -33,20 +33,9 @@ class Topic:
 
 def message_definition(type_name: str, share: Callable[[str], str]) -> str:
     """
-    Return the definition of a message type followed by those of all that it is made of.
+    Return the definition of a message type and of all its parts, as MCAP's ros2msg divides them.
 
-    Parameters
-    ----------
-    type_name : str
-        Such as ``sensor_msgs/msg/PointCloud2``.
-    share : callable
-        From the name of a package to its share directory.
-
-    Returns
-    -------
-    str
-        Definitions in the language of .msg files, divided as MCAP's ros2msg wants it.
-
+    `share` returns the share directory of a package.
     """
     seen: list[str] = []
     texts: list[str] = []
@@ -67,9 +56,7 @@ def _parts(text: str, package: str) -> list[str]:
     names = []
     for line in text.splitlines():
         words = line.split('#', 1)[0].split()
-        if len(words) < 2:
-            continue
-        kind = words[0].split('[', 1)[0].split('<=', 1)[0]
+        kind = words[0].split('[', 1)[0].split('<=', 1)[0] if len(words) > 1 else 'bool'
         if kind not in _BASIC:
             names.append(_short(kind) if '/' in kind else f'{package}/{kind}')
     return names

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import dataclasses
-import functools
 import itertools
 from pathlib import Path
 import time
@@ -14,8 +13,7 @@ import numpy as np
 
 from . import Bag, CloudDecoder
 from .recomputed import Exponents, Transients
-from .small_messages import Named, read_diagnostics, read_joint_state
-from ..cli.refusal import attempt, Parser
+from .cdr import Named, read_diagnostics, read_joint_state
 from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
 from ..core.stream.guard import Hole, StreamGuard
@@ -29,14 +27,14 @@ _GROUP: Final = 64
 @dataclasses.dataclass(frozen=True)
 class Verdict:
     """
-    What a bag has proved to be.
+    Whether a bag is verified, and what was found in it; its text is a report.
 
     `flights` were rebuilt from one record to the next; `exponents` and `transients` were found
     again, bit for bit, but for those `beyond` that rest on events which are not in the bag.
     `imbalance` is the largest difference of the mean force of the walls from what it must be, at
     the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
     record or report that does not follow from the events before it, `kernels` the fingerprints
-    that the simulators told.
+    that the simulators reported.
     """
 
     events: int
@@ -61,8 +59,8 @@ class Verdict:
         """Whether there are events, all follow, and none is missing between them."""
         return bool(self.events) and not (self.fault or self.holes or self.anew)
 
-    def describe(self) -> str:
-        """Put the verdict in one line, and a line more for every hole."""
+    def __str__(self) -> str:
+        """Report the verdict in one line, and every hole in a line more."""
         seen = (f'{counted(self.events, "event")} ({counted(self.impacts, "impact")}, '
                 f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
                 f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')
@@ -89,40 +87,41 @@ class Verdict:
                   f'behind impact {hole.after[0]}, epoch {hole.after[1]}' for hole in self.anew]
         return '\n'.join(lines)
 
+    __repr__ = __str__
+
     def _other_kernels(self) -> str:
         here = fingerprint()
-        if not self.kernels:
-            return f'; the bag does not say which kernels recorded it (these are {here})'
         others = sorted(self.kernels - {here})
         if others:
             return (f'; it was recorded with other kernels ({", ".join(others)}) than these '
                     f'({here}): verify it with the version that recorded it')
-        return ''
+        return '' if self.kernels else (
+            f'; the bag does not say which kernels recorded it (these are {here})')
 
 
-def verify(path: Path, topic: str = '') -> Verdict:
+def verify(path: str | Path, topic: str = '') -> Verdict:
     """
-    Verify a bag; BagError where it cannot be read or has no such topic.
+    Verify a bag; BagError if it cannot be read or has no such topic.
 
-    Without `topic`, the events are those of the one whose last part is ``impacts``; the exponents
-    and transients are those beside it.
+    Without `topic`, the events are on the one whose last part is ``impacts``; the exponents and
+    transients are those beside it.
     """
     began = time.monotonic()
     bag = Bag(path)
     impacts = bag.find_impacts(topic)
     beside = impacts.rpartition('/')[0]
-    told = _read(bag, {
+    estimates, reports, statuses = _read(bag, {
         f'{beside}/lyapunov': lambda data: [read_joint_state(data)],
         f'{beside}/transient': read_diagnostics,
         '/diagnostics': read_diagnostics,
     })
-    exponents, transients = Exponents(told[0]), Transients(told[1])
-    kernels = {status.values['kernels'] for status in told[2] if 'kernels' in status.values}
-    steps = _Steps(impacts)
-    analyses = _Analyses(exponents, transients)
-    # Both let go of the interpreter where the time is spent.
+    exponents, transients = Exponents(estimates), Transients(reports)
+    kernels = {status.values['kernels'] for status in statuses if 'kernels' in status.values}
+    steps, analyses = _Steps(impacts), _Analyses(exponents, transients)
+    # Both release the interpreter's lock where the time is spent.
     with ThreadPoolExecutor(1) as pool:
-        for batches in _grouped(_batches(bag, impacts)):
+        source = _batches(bag, impacts)
+        while batches := list(itertools.islice(source, _GROUP)):
             checking = pool.submit(steps.take, batches)
             analyses.take(batches)
             checking.result()
@@ -135,32 +134,13 @@ def verify(path: Path, topic: str = '') -> Verdict:
         succession.events, succession.impacts, succession.kicked, succession.flights,
         succession.epochs, succession.runs, tallies[0].found, tallies[1].found,
         sum(tally.beyond for tally in tallies), exponents.imbalance, tuple(succession.holes),
-        tuple(succession.anew),
-        steps.fault or tallies[0].fault or tallies[1].fault, frozenset(kernels), bag.is_whole,
-        time.monotonic() - began)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Verify bags."""
-    parser = Parser(prog='verify', description=(
-        'Rebuild every flight of a recorded run from the bag alone, find each event again bit for '
-        'bit, and recompute the exponents and transients that were recorded live.'))
-    parser.add_argument('bags', nargs='+', metavar='BAG', type=Path,
-                        help='bag directory or .mcap file')
-    parser.add_argument('--topic', default='', help='of the events; default: the only .../impacts')
-    given = parser.parse_args(arguments)
-
-    def one(path: Path) -> int:
-        verdict = verify(path, given.topic)
-        print(f'{path}: {verdict.describe()}', flush=True)
-        return 0 if verdict.is_verified else 1
-
-    return max(attempt('verify', functools.partial(one, path)) for path in given.bags)
+        tuple(succession.anew), steps.fault or tallies[0].fault or tallies[1].fault,
+        frozenset(kernels), bag.is_whole, time.monotonic() - began)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Batch:
-    """A message with its events, or with why it has none."""
+    """The events of a message, or the reason why it has none."""
 
     number: int
     stamp: int
@@ -169,7 +149,7 @@ class _Batch:
 
 
 class _Steps:
-    """The flights from one record to the next."""
+    """Rebuild the flights from one record to the next."""
 
     def __init__(self, topic: str) -> None:
         self.succession = Succession()
@@ -179,19 +159,19 @@ class _Steps:
     def take(self, batches: Sequence[_Batch]) -> None:
         for batch in batches:
             where = f'message {batch.number} of {self._topic}'
+            wrong = None if batch.fault else self.succession.take(batch.events)
             if batch.fault:
                 self.fault = f'{where}: {batch.fault}'
-                return
-            wrong = self.succession.take(batch.events)
-            if wrong is not None:
-                place = f'record {wrong.place} of {where}' if wrong.place >= 0 else \
-                    f'the last record before {where}'
-                self.fault = f'{place}, impact {wrong.index}, epoch {wrong.epoch}: {wrong.what}'
+            elif wrong is not None:
+                place = f'record {wrong.place} of' if wrong.place >= 0 else 'the last record before'
+                self.fault = (f'{place} {where}, impact {wrong.index}, epoch {wrong.epoch}: '
+                              f'{wrong.what}')
+            if self.fault:
                 return
 
 
 class _Analyses:
-    """The exponents and transients, and where a stretch of the stream begins for them."""
+    """Recompute the exponents and transients, anew behind every hole."""
 
     def __init__(self, exponents: Exponents, transients: Transients) -> None:
         self._exponents = exponents
@@ -225,21 +205,16 @@ def _batches(bag: Bag, topic: str) -> Iterator[_Batch]:
     decoder = CloudDecoder()
     for number, message in enumerate(bag.messages([topic])):
         try:
-            stamp = decoder.parse(message.data).stamp
-            yield _Batch(number, stamp, decoder.events(message.data), '')
+            cloud = decoder.parse(message.data)
+            yield _Batch(number, cloud.stamp, cloud.events(), '')
         except ValueError as error:
             yield _Batch(number, 0, np.empty(0, EVENT), str(error))
-
-
-def _grouped(batches: Iterator[_Batch]) -> Iterator[list[_Batch]]:
-    while group := list(itertools.islice(batches, _GROUP)):
-        yield group
 
 
 def _read(bag: Bag, decoders: Mapping[str, Callable[[bytes], list[Named]]]) -> list[list[Named]]:
     found: dict[str, list[Named]] = {name: [] for name in decoders}
     for message in bag.messages([name for name in decoders if name in bag.topics]):
-        # Of another type under the same name, it is nothing that can be recomputed.
+        # A message of another type under the same name cannot be recomputed.
         with contextlib.suppress(ValueError):
             found[message.topic] += decoders[message.topic](message.data)
     return list(found.values())

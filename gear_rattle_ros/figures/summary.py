@@ -16,8 +16,6 @@ import numpy as np
 
 from .digest import Digest, digest_of, in_words, RowArray
 from .style import phase_ticks, thousands, VELOCITY_LABEL
-from ..bags import Bag, BagError
-from ..cli.refusal import attempt, Parser
 from ..core.arrays import FloatArray
 from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State
@@ -197,31 +195,6 @@ def prepare() -> None:
     """Load kernels, fonts and layouts by drawing a short trajectory to nowhere."""
     events = Simulation(Parameters(), State()).advance(100, 0.0, 1000)
     draw(digest_of([events]), 'nothing').savefig(io.BytesIO(), dpi=10)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command `summary BAG [--output FILE.png]`."""
-    parser = Parser('summary', description='Make one picture of a bag.')
-    parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
-    parser.add_argument('--output', type=Path, metavar='FILE.png',
-                        help='the picture; by default summary.png beside the bag')
-    given = parser.parse_args(arguments)
-    output = given.output or given.bag.resolve().parent / 'summary.png'
-
-    def run() -> int:
-        at = given.bag
-        try:
-            digest = digest_of(Bag(given.bag).events())
-            at = output
-            save(draw(digest, given.bag.resolve().name), output)
-        except BagError:
-            raise
-        except ValueError as error:
-            raise ValueError(f'{at}: {error}') from error
-        print(output)
-        return 0
-
-    return attempt('summary', run)
 
 
 def _spread(values: FloatArray) -> tuple[float, float]:

@@ -215,7 +215,7 @@ def test_a_bag_of_several_files(tmp_path: Path, splits: dict[str, int]) -> None:
 
 
 @pytest.mark.parametrize('moment', ['BagFile.finish', 'BagFile.__init__', 'BagFile.add_topic',
-                                    'BagWriter._write_metadata'])
+                                    'BagWriter.write_metadata'])
 @pytest.mark.parametrize('is_killed', [True, False])
 def test_nothing_is_lost_between_two_files(
         tmp_path: Path, moment: str, is_killed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
