@@ -1,5 +1,6 @@
 """Writing one .mcap file of a bag, so that it stays readable while it grows."""
 
+from collections.abc import Mapping
 import contextlib
 import dataclasses
 import os
@@ -11,7 +12,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from . import metadata
-from .topics import Topic
+from .topics import Contents, Topic
 
 COMPRESSIONS: Final = {
     'zstd': CompressionType.ZSTD,
@@ -54,29 +55,17 @@ class _Sink:
             os.fsync(self._raw.fileno())
 
 
-@dataclasses.dataclass
-class _Tally:
-    """The messages of a file by channel, their log times, and the size of the file."""
-
-    counts: dict[int, int] = dataclasses.field(default_factory=dict)
-    start: int = 2**63 - 1
-    end: int = 0
-    size: int = 0
-
-    def copy(self) -> '_Tally':
-        return dataclasses.replace(self, counts=dict(self.counts))
-
-
 class BagFile:
     """A file of a bag; every method but `abandon` raises OSError if it cannot be written."""
 
     def __init__(self, path: Path, compression: str) -> None:
         self.path = path
-        self._topics: dict[int, Topic] = {}
-        self._schemas: dict[str, int] = {}
-        self._written = _Tally()
         # What reading the file up to its present size would find.
-        self._settled = _Tally()
+        self.settled = Contents()
+        self._settled_size = 0
+        self.written = Contents()
+        self._names: dict[int, str] = {}
+        self._schemas: dict[str, int] = {}
         self._open_chunk = 0
         self._is_closed = False
         # Topics, written once more behind their chunk: without them no message can be read.
@@ -92,20 +81,6 @@ class BagFile:
     def size(self) -> int:
         return self._sink.size
 
-    @property
-    def start(self) -> int:
-        """Return the log time of the first message."""
-        return self._written.start
-
-    def part(self) -> metadata.Part:
-        """Describe what reading the file up to its present size would find."""
-        settled = self._settled
-        return metadata.Part(
-            self.path.name,
-            tuple((topic, settled.counts.get(channel, 0))
-                  for channel, topic in self._topics.items()),
-            settled.start, settled.end)
-
     def add_topic(self, topic: Topic) -> int:
         """Announce a topic and return its channel; the same order gives the same channels."""
         if topic.type_name not in self._schemas:
@@ -120,16 +95,15 @@ class BagFile:
         Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(
             self._repeated)
         Channel(channel, topic.name, 'cdr', described, schema).write(self._repeated)
-        self._topics[channel] = topic
+        self._names[channel] = topic.name
+        self.written.announce(topic)
+        self.settled.announce(topic)
         return channel
 
     def write(self, channel: int, log_time: int, publish_time: int, sequence: int,
               data: bytes) -> None:
         """Add a message."""
-        written = self._written
-        written.counts[channel] = written.counts.get(channel, 0) + 1
-        written.start = min(written.start, log_time)
-        written.end = max(written.end, log_time)
+        self.written.count(self._names[channel], log_time)
         self._open_chunk += 1
         size = self.size
         self._writer.add_message(channel, log_time, data, publish_time, sequence & 0xFFFFFFFF)
@@ -146,11 +120,11 @@ class BagFile:
         """Wait until the disk has what the operating system was given."""
         self._sink.sync()
 
-    def finish(self, others: list[metadata.Part]) -> None:
-        """Write the index, and close; `others` are the files of the bag before this one."""
+    def finish(self, others: Mapping[str, Contents]) -> None:
+        """Write the index, and close; `others` are the earlier files of the bag."""
         self.flush()
         self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata.dump(
-            metadata.document([*others, self.part()]))})
+            metadata.document({**others, self.path.name: self.settled}))})
         self._writer.finish()
         self._sink.close(self.size)
         self._is_closed = True
@@ -160,11 +134,12 @@ class BagFile:
         if not self._is_closed:
             self._is_closed = True
             with contextlib.suppress(OSError, ValueError):
-                self._sink.close(self._settled.size)
+                self._sink.close(self._settled_size)
 
     def _settle(self) -> None:
         self._open_chunk = 0
         if self._repeated.count:
             self._sink.write(self._repeated.end())
-        self._written.size = self._sink.size
-        self._settled = self._written.copy()
+        self._settled_size = self._sink.size
+        self.settled = dataclasses.replace(
+            self.written, topics=dict(self.written.topics), counts=dict(self.written.counts))

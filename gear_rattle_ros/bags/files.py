@@ -18,7 +18,7 @@ from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import MCAP0_MAGIC
 import zstandard
 
-from .topics import BagError, Topic
+from .topics import BagError, Contents, Topic
 from ..plain_yaml import read_yaml
 
 # In a file without an index, messages are put in order if they are off by no more than this [ns].
@@ -37,17 +37,6 @@ class Message:
     log_time: int
     publish_time: int
     sequence: int
-
-
-@dataclasses.dataclass
-class Contents:
-    """The topics of a file, and the messages and log times in it."""
-
-    topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
-    counts: dict[str, int] = dataclasses.field(default_factory=dict)
-    start: int = 2**63 - 1
-    end: int = 0
-    is_indexed: bool = False
 
 
 @contextlib.contextmanager
@@ -78,7 +67,7 @@ def read_summary(stream: IO[bytes]) -> Contents | None:
     contents = Contents(
         start=statistics.message_start_time, end=statistics.message_end_time, is_indexed=True)
     for number, channel in summary.channels.items():
-        _add_topic(contents, channel, summary.schemas[channel.schema_id])
+        contents.announce(describe_topic(channel, summary.schemas[channel.schema_id]))
         contents.counts[channel.topic] += statistics.channel_message_counts.get(number, 0)
     return contents
 
@@ -86,18 +75,11 @@ def read_summary(stream: IO[bytes]) -> Contents | None:
 def scan(stream: IO[bytes]) -> Contents:
     contents = Contents()
     for schema, channel, message in _described(stream):
-        _add_topic(contents, channel, schema)
-        if message is not None:
-            contents.counts[channel.topic] += 1
-            contents.start = min(contents.start, message.log_time)
-            contents.end = max(contents.end, message.log_time)
+        if message is None:
+            contents.announce(describe_topic(channel, schema))
+        else:
+            contents.count(channel.topic, message.log_time)
     return contents
-
-
-def _add_topic(contents: Contents, channel: Channel, schema: Schema) -> None:
-    if channel.topic not in contents.topics:
-        contents.counts[channel.topic] = 0
-        contents.topics[channel.topic] = describe_topic(channel, schema)
 
 
 def describe_topic(channel: Channel, schema: Schema) -> Topic:

@@ -8,9 +8,9 @@ import warnings
 import numpy as np
 
 from .clouds import CloudDecoder, POINT_CLOUD
-from .files import Contents, Message, opened, read_indexed, read_summary, read_through, scan
+from .files import Message, opened, read_indexed, read_summary, read_through, scan
 from .metadata import file_names
-from .topics import BagError, Topic
+from .topics import BagError, Contents, Topic
 from ..core.model import EVENT, EventArray
 from ..core.stream.guard import StreamGuard
 from ..core.words import counted
@@ -52,7 +52,7 @@ class Bag:
                     raise BagError(f'{file}: topic {name} is of two types, '
                                    f'{known.type_name} and {topic.type_name}')
                 self.counts[name] = self.counts.get(name, 0) + contents.counts[name]
-        filled = [contents for _, contents in self._files if any(contents.counts.values())]
+        filled = [contents for _, contents in self._files if contents.total]
         self.start = min((contents.start for contents in filled), default=0)
         self.end = max((contents.end for contents in filled), default=0)
 

@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-import dataclasses
 from typing import Any, Final
 
 import numpy as np
@@ -21,15 +20,6 @@ ROUNDING: Final = 1e-9
 CROSSING: Final = ('lambda_1_finite', 'finite_retunes', 'impulse_balance', 'exact_impulse_balance')
 # Averages that a reader may have begun where it joined; more begin only in damaged bags.
 _CANDIDATES: Final = 16
-
-
-@dataclasses.dataclass
-class Tally:
-    """Reports found again bit for bit, those beyond what the bag holds, and the first fault."""
-
-    found: int = 0
-    beyond: int = 0
-    fault: str = ''
 
 
 class Stretch:
@@ -60,18 +50,23 @@ class Stretch:
 
 
 class Recomputed:
-    """The tally, and the recorded reports that wait for their batches."""
+    """
+    Recorded reports, which wait for their batches.
+
+    `found` were found again, bit for bit, `beyond` rest on what is not in the bag, and `fault`
+    describes the first that is wrong.
+    """
 
     def __init__(self) -> None:
-        self.tally = Tally()
+        self.found = self.beyond = 0
+        self.fault = ''
         self._pending: defaultdict[Any, list[Any]] = defaultdict(list)
         self._joins: set[Any] = set()
 
-    def finish(self) -> Tally:
+    def finish(self) -> None:
         """Count the reports whose batches are not in the bag."""
-        self.tally.beyond += sum(len(reports) for reports in self._pending.values())
+        self.beyond += sum(len(reports) for reports in self._pending.values())
         self._pending.clear()
-        return self.tally
 
 
 class Exponents(Recomputed):
@@ -91,15 +86,13 @@ class Exponents(Recomputed):
                 key = tuple(int(values[name]) for name in ('epoch', 'index', 'impacts'))
                 self._window = max(int(values['window']), 1)
             except (KeyError, ValueError, OverflowError):
-                self.tally.fault = self.tally.fault or (
-                    f'an estimate with the stamp {report.stamp} ns has no epoch, index, impacts '
-                    'or window')
+                self.fault = self.fault or (f'an estimate with the stamp {report.stamp} ns has no '
+                                            'epoch, index, impacts or window')
                 continue
             self._pending[report.stamp, key[0], key[1]].append(report)
             self._joins.add((key[0], (key[1] - key[2]) % 2**32))
         self._is_proven = False
-        self._stretch = Stretch()
-        self._running = RunningLyapunov(self._window)
+        self._stretch, self._running = Stretch(), RunningLyapunov(self._window)
         self._candidates: list[RunningLyapunov] = []
         # The largest difference of the mean force of the walls from what it must be [1].
         self.imbalance = 0.0
@@ -131,8 +124,8 @@ class Exponents(Recomputed):
             return
         self.imbalance = max(self.imbalance, apart)
         scale = 1.0 + float(last['alpha']) + abs(float(last['gamma']))
-        if apart > ROUNDING * scale * (1.0 + now.impacts / time) and not self.tally.fault:
-            self.tally.fault = (
+        if apart > ROUNDING * scale * (1.0 + now.impacts / time) and not self.fault:
+            self.fault = (
                 f'the mean force of the walls up to impact {now.index}, epoch {now.epoch}, is '
                 f'{now.impulse_balance!r}, expected {now.exact_impulse_balance!r}')
 
@@ -148,24 +141,24 @@ class Exponents(Recomputed):
                 self._running = candidate
                 self._accept()
                 return
-        start = (int(report.values['index']) - int(report.values['impacts'])) % 2**32
-        if not self._is_proven and self._is_beyond(start, expected, report):
-            self.tally.beyond += 1
-        elif not self.tally.fault:
-            self.tally.fault = (
+        if not self._is_proven and self._is_beyond(expected, report):
+            self.beyond += 1
+        elif not self.fault:
+            self.fault = (
                 f'the estimate at impact {report.values["index"]:.0f}, epoch '
                 f'{report.values["epoch"]:.0f}: {wrong}')
 
     def _accept(self) -> None:
-        self.tally.found += 1
+        self.found += 1
         self._is_proven = True
         self._candidates = []
 
-    def _is_beyond(self, start: int, expected: Mapping[str, float], report: Named) -> bool:
+    def _is_beyond(self, expected: Mapping[str, float], report: Named) -> bool:
         # The tangent vectors depend on earlier impacts, unless a reset has made them anew.
         stretch = self._stretch
         if stretch.begun_by is None:
             return report.values['impacts'] >= expected['impacts']
+        start = (int(report.values['index']) - int(report.values['impacts'])) % 2**32
         return start == stretch.start and stretch.begun_by == EventKind.RETUNE
 
 
@@ -185,7 +178,7 @@ class Transients(Recomputed):
             try:
                 self._tolerance = float(values.pop('tolerance', self._tolerance))
             except ValueError:
-                self.tally.fault = f'tolerance = {report.values["tolerance"]!r} is no number'
+                self.fault = f'tolerance = {report.values["tolerance"]!r} is no number'
             self._pending[report.stamp].append(values)
             self._joins.add(values.get('start'))
         # Everything is known from a reset in this epoch on; None if there was no reset.
@@ -211,21 +204,20 @@ class Transients(Recomputed):
             found = [texts(transient_values(change)) for change in changes]
             # Batches may share a stamp: what is not found here is looked for in the next.
             self._pending[stamp] = [report for report in pending if report not in found]
-            self.tally.found += len(pending) - len(self._pending[stamp])
+            self.found += len(pending) - len(self._pending[stamp])
 
     def end_stamp(self, stamp: int) -> None:
         """Count the reports that were not found in the batches of a stamp, or report a fault."""
         for report in self._pending.pop(stamp, ()):
             # If it began before the bag or in a hole, the node may have seen more of it.
-            if self._known_from is None or not self._is_known(report.get('epoch')):
-                self.tally.beyond += 1
-            elif not self.tally.fault:
-                self.tally.fault = (
+            epoch = report.get('epoch') or ''
+            if self._known_from is None or (
+                    epoch.isdigit() and int(epoch) < self._known_from):
+                self.beyond += 1
+            elif not self.fault:
+                self.fault = (
                     f'the report {report.get("state")!r} at impact {report.get("index")}, epoch '
                     f'{report.get("epoch")}, is not what the events say: {report}')
-
-    def _is_known(self, epoch: str | None) -> bool:
-        return not epoch or not epoch.isdigit() or int(epoch) >= (self._known_from or 0)
 
     def _fresh(self) -> TransientDetector:
         return TransientDetector(min(max(self._tolerance, 1e-9), 0.1))

@@ -74,13 +74,11 @@ class Salvage:
                   if channel.schema_id in self._schemas}
         for place in self._chunks or self._loose:
             for record in self._read(place):
-                if not isinstance(record, mcap.records.Message):
-                    continue
-                topic = topics.get(record.channel_id)
-                if topic is None:
-                    self.nameless += 1
-                else:
-                    yield topic, record
+                if isinstance(record, mcap.records.Message):
+                    if topic := topics.get(record.channel_id):
+                        yield topic, record
+                    else:
+                        self.nameless += 1
 
     def _walk(self) -> None:
         data = self._data

@@ -1,4 +1,4 @@
-"""A topic as a bag describes it, with the definition of its messages."""
+"""Topics as a bag describes them, and how many messages there are on each."""
 
 from collections.abc import Callable, Mapping
 import dataclasses
@@ -29,6 +29,31 @@ class Topic:
     type_hash: str
     offered_qos: tuple[Qos, ...]
     encoding: str = 'ros2msg'
+
+
+@dataclasses.dataclass
+class Contents:
+    """The topics of a file, its messages on each, and the log times of the first and the last."""
+
+    topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
+    counts: dict[str, int] = dataclasses.field(default_factory=dict)
+    # As rosbag2 has it where there is no message.
+    start: int = 2**63 - 1
+    end: int = 0
+    is_indexed: bool = False
+
+    @property
+    def total(self) -> int:
+        return sum(self.counts.values())
+
+    def announce(self, topic: Topic) -> None:
+        self.topics.setdefault(topic.name, topic)
+        self.counts.setdefault(topic.name, 0)
+
+    def count(self, name: str, log_time: int) -> None:
+        self.counts[name] += 1
+        self.start = min(self.start, log_time)
+        self.end = max(self.end, log_time)
 
 
 def message_definition(type_name: str, share: Callable[[str], str]) -> str:

@@ -67,21 +67,18 @@ class Verdict:
         again = (f'{counted(self.exponents, "estimate")} and '
                  f'{counted(self.transients, "transient report")} found again, '
                  f'impulse balance within {self.imbalance:.1e}')
-        notes = ''
-        if self.beyond:
-            notes += f', {self.beyond} more rest on what is not in the bag'
-        if not self.is_whole:
-            notes += '; the bag was not closed properly'
-        end = f'{self.seconds:.2f} s ({self.events / max(self.seconds, 1e-9):.2g} events/s)'
+        notes = f', {self.beyond} more rest on what is not in the bag' if self.beyond else ''
+        notes += '' if self.is_whole else '; the bag was not closed properly'
+        found = (f'{seen}, {again}{notes}; {self.seconds:.2f} s '
+                 f'({self.events / max(self.seconds, 1e-9):.2g} events/s)')
         if self.is_verified:
-            return f'verified: {seen}, {again}{notes}; {end}'
+            return f'verified: {found}'
         if self.fault:
             return f'not verified: {self.fault}{self._other_kernels()}'
         if not self.events:
             return 'not verified: there are no events'
         number = len(self.holes) + len(self.anew)
-        lines = [f'not verified: {counted(number, "hole")}, what is between '
-                 f'them follows: {seen}, {again}{notes}; {end}']
+        lines = [f'not verified: {counted(number, "hole")}, what is between them follows: {found}']
         lines += [f'  missing: {hole.describe()}' for hole in self.holes]
         lines += [f'  the numbers begin anew at impact {hole.before[0]}, epoch {hole.before[1]}, '
                   f'behind impact {hole.after[0]}, epoch {hole.after[1]}' for hole in self.anew]
@@ -117,24 +114,24 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
     })
     exponents, transients = Exponents(estimates), Transients(reports)
     kernels = {status.values['kernels'] for status in statuses if 'kernels' in status.values}
-    steps, analyses = _Steps(impacts), _Analyses(exponents, transients)
+    succession, analyses = Succession(), _Analyses(exponents, transients)
+    source, fault = _batches(bag, impacts), ''
     # Both release the interpreter's lock where the time is spent.
     with ThreadPoolExecutor(1) as pool:
-        source = _batches(bag, impacts)
         while batches := list(itertools.islice(source, _GROUP)):
-            checking = pool.submit(steps.take, batches)
+            checking = pool.submit(_first_fault, succession, impacts, batches)
             analyses.take(batches)
-            checking.result()
-            if steps.fault or analyses.has_failed:
+            fault = checking.result()
+            if fault or analyses.has_failed:
                 break
     analyses.end_stamp()
-    succession = steps.succession
-    tallies = exponents.finish(), transients.finish()
+    exponents.finish()
+    transients.finish()
     return Verdict(
         succession.events, succession.impacts, succession.kicked, succession.flights,
-        succession.epochs, succession.runs, tallies[0].found, tallies[1].found,
-        sum(tally.beyond for tally in tallies), exponents.imbalance, tuple(succession.holes),
-        tuple(succession.anew), steps.fault or tallies[0].fault or tallies[1].fault,
+        succession.epochs, succession.runs, exponents.found, transients.found,
+        exponents.beyond + transients.beyond, exponents.imbalance, tuple(succession.holes),
+        tuple(succession.anew), fault or exponents.fault or transients.fault,
         frozenset(kernels), bag.is_whole, time.monotonic() - began)
 
 
@@ -148,26 +145,17 @@ class _Batch:
     fault: str
 
 
-class _Steps:
-    """Rebuild the flights from one record to the next."""
-
-    def __init__(self, topic: str) -> None:
-        self.succession = Succession()
-        self.fault = ''
-        self._topic = topic
-
-    def take(self, batches: Sequence[_Batch]) -> None:
-        for batch in batches:
-            where = f'message {batch.number} of {self._topic}'
-            wrong = None if batch.fault else self.succession.take(batch.events)
-            if batch.fault:
-                self.fault = f'{where}: {batch.fault}'
-            elif wrong is not None:
-                place = f'record {wrong.place} of' if wrong.place >= 0 else 'the last record before'
-                self.fault = (f'{place} {where}, impact {wrong.index}, epoch {wrong.epoch}: '
-                              f'{wrong.what}')
-            if self.fault:
-                return
+def _first_fault(succession: Succession, topic: str, batches: Sequence[_Batch]) -> str:
+    """Rebuild the flights from one record to the next, and report the first that fails."""
+    for batch in batches:
+        where = f'message {batch.number} of {topic}'
+        if batch.fault:
+            return f'{where}: {batch.fault}'
+        wrong = succession.take(batch.events)
+        if wrong is not None:
+            place = f'record {wrong.place} of' if wrong.place >= 0 else 'the last record before'
+            return f'{place} {where}, impact {wrong.index}, epoch {wrong.epoch}: {wrong.what}'
+    return ''
 
 
 class _Analyses:
@@ -181,7 +169,7 @@ class _Analyses:
 
     @property
     def has_failed(self) -> bool:
-        return bool(self._exponents.tally.fault or self._transients.tally.fault)
+        return bool(self._exponents.fault or self._transients.fault)
 
     def take(self, batches: Sequence[_Batch]) -> None:
         for batch in batches:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from . import metadata
 from .bag_file import BagFile, COMPRESSIONS
-from .topics import BagError, Topic
+from .topics import BagError, Contents, Topic
 
 __all__ = ['BagWriter', 'COMPRESSIONS']
 
@@ -42,8 +42,8 @@ class BagWriter:
         self._largest = largest
         self._longest = longest
         self._topics: list[Topic] = []
-        # The files that are finished, and their length [byte].
-        self._finished: list[metadata.Part] = []
+        # The files that are finished, and their length.
+        self._finished: dict[str, Contents] = {}
         self._finished_size = 0
         try:
             directory.mkdir(parents=True)
@@ -76,7 +76,7 @@ class BagWriter:
         """
         with self._guarded():
             if (0 < self._largest <= self._file.size
-                    or 0 < self._longest <= log_time - self._file.start):
+                    or 0 < self._longest <= log_time - self._file.written.start):
                 self._split()
             self._file.write(channel, log_time, publish_time, sequence, data)
         self.messages += 1
@@ -94,7 +94,7 @@ class BagWriter:
     def write_metadata(self) -> None:
         """Bring metadata.yaml up to what a reader of the files would find now."""
         with self._guarded():
-            metadata.write(self.directory, metadata.document(self._parts()))
+            metadata.write(self.directory, metadata.document(self._files()))
 
     def close(self) -> None:
         """Write the index and the final metadata.yaml."""
@@ -107,10 +107,10 @@ class BagWriter:
         self._file.abandon()
         with contextlib.suppress(BagError):
             self.write_metadata()
-        return int(metadata.document(self._parts())['message_count'])
+        return sum(contents.total for contents in self._files().values())
 
-    def _parts(self) -> list[metadata.Part]:
-        return [*self._finished, self._file.part()]
+    def _files(self) -> dict[str, Contents]:
+        return {**self._finished, self._file.path.name: self._file.settled}
 
     def _new_file(self, number: int) -> BagFile:
         return BagFile(self.directory / f'{self._name}_{number}.mcap', self._compression)
@@ -120,7 +120,7 @@ class BagWriter:
         following = self._new_file(len(self._finished) + 1)
         for topic in self._topics:
             following.add_topic(topic)
-        self._finished.append(self._file.part())
+        self._finished = self._files()
         self._finished_size += self._file.size
         self._file = following
         # Before there is anything in the new file: readers go by its name in there.
