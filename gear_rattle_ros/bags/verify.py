@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from . import Bag, CloudDecoder
-from .recomputed import Exponents, Transients
 from .cdr import Named, read_diagnostics, read_joint_state
+from .recomputed import Exponents, Transients
 from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
 from ..core.stream.guard import Hole, StreamGuard

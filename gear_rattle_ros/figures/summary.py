@@ -25,13 +25,13 @@ from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
 TWO_PI = 2.0 * math.pi
-# s(tau) is drawn over so many drive periods.
+# s(tau) is drawn over this many drive periods.
 PERIODS: Final = 6
-# The running exponent says nothing before so many impacts.
+# The running exponent is not drawn before this many impacts.
 IMPACTS_LEAST: Final = 30
 # More retunes than this are a ramp: no line for each.
 LINES_MOST: Final = 20
-# So many lines of words fit below the section.
+# This many lines of words fit below the section.
 WORDS_ROWS: Final = 8
 MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
@@ -58,7 +58,7 @@ def draw(digest: Digest, name: str) -> Figure:
 
 
 def title_of(digest: Digest, name: str) -> str:
-    """Say what was recorded."""
+    """Return the name, length and parameters of a run in one line."""
     assert digest.place is not None
     first, event = digest.changes.rows[0], digest.place.event
     periods = digest.place.drive_time - first['drive_time']
@@ -95,11 +95,11 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
 
 
 def draw_words(axes: Axes, digest: Digest) -> None:
-    """Write what the trajectory was found to do."""
+    """Write the orbits and transients that were found."""
     axes.axis('off')
     first, *lines = [textwrap.fill(in_words(word), 100, subsequent_indent='    ')
                      for word in digest.words]
-    # The first and the last matter most.
+    # The first and the last lines matter most.
     if len('\n'.join([first, *lines]).splitlines()) > WORDS_ROWS:
         while len('\n'.join([first, '...', *lines]).splitlines()) > WORDS_ROWS:
             del lines[0]
