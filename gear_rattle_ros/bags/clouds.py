@@ -54,10 +54,10 @@ class CloudDecoder:
             start = reader.skip(size)
             # Whether the cloud is dense: nothing depends on it, but it must be there.
             reader.skip(1)
+            if height > 1 and row_step != width * step:
+                raise ValueError
         except ValueError:
             raise ValueError(f'message of {len(cdr)} bytes is no PointCloud2') from None
-        if height > 1 and row_step != width * step:
-            raise ValueError(f'message of {len(cdr)} bytes is no PointCloud2')
         return Cloud(stamp, self._fields, height * width, step, is_bigendian != 0,
                      memoryview(cdr)[start:start + size])
 

@@ -90,12 +90,10 @@ def describe_topic(channel: Channel, schema: Schema) -> Topic:
 
 
 def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
-    try:
-        profiles = read_yaml(text)
-    except ValueError:
-        return ()
-    return tuple(profile for profile in profiles if isinstance(profile, dict)) \
-        if isinstance(profiles, list) else ()
+    with contextlib.suppress(ValueError):
+        if isinstance(profiles := read_yaml(text), list):
+            return tuple(profile for profile in profiles if isinstance(profile, dict))
+    return ()
 
 
 def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,

@@ -41,7 +41,7 @@ class Bag:
         self.counts: dict[str, int] = {}
         self.is_whole = True
         self._files: list[tuple[Path, Contents]] = []
-        for file in _find_files(self.path):
+        for file in find_files(self.path):
             with opened(file) as stream:
                 contents = read_summary(stream) or scan(stream)
             self._files.append((file, contents))
@@ -161,7 +161,7 @@ def _messages_of(file: Path, contents: Contents, topics: Collection[str] | None,
         yield from read(stream, topics, start, end)
 
 
-def _find_files(path: Path) -> list[Path]:
+def find_files(path: Path) -> list[Path]:
     if path.is_dir():
         files = [path / name for name in file_names(path)]
         if not files:

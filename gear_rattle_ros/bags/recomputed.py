@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+import dataclasses
 from typing import Any, Final
 
 import numpy as np
@@ -22,20 +23,19 @@ CROSSING: Final = ('lambda_1_finite', 'finite_retunes', 'impulse_balance', 'exac
 _CANDIDATES: Final = 16
 
 
+@dataclasses.dataclass
 class Stretch:
     """The beginning of the present stretch without a hole, and of the present epoch in it."""
 
-    def __init__(self) -> None:
-        # The number, in the stretch, of the impact that began the epoch, and how it began.
-        self.epoch = -1
-        self.start = 0
-        self.begun_by: int | None = None
-        # Whether there was a reset in it.
-        self.is_whole = False
+    # The number, in the stretch, of the impact that began the epoch, and how it began.
+    start: int = 0
+    begun_by: int | None = None
+    # Whether there was a reset in it.
+    is_whole: bool = False
 
     def begin(self, first: Any) -> None:
         """Begin a stretch; only a reset makes what was before its first record known."""
-        self.epoch, self.start = int(first['epoch']), int(first['index'])
+        self.start = int(first['index'])
         self.is_whole = bool(first['kind'] == EventKind.RESET)
         self.begun_by = EventKind.RESET if self.is_whole else None
 
@@ -43,9 +43,7 @@ class Stretch:
         """Follow the epochs."""
         begins = events[events['kind'] >= EventKind.RETUNE]
         if len(begins):
-            last = begins[-1]
-            self.epoch, self.start = int(last['epoch']), int(last['index'])
-            self.begun_by = int(last['kind'])
+            self.start, self.begun_by = int(begins[-1]['index']), int(begins[-1]['kind'])
             self.is_whole |= bool(np.any(begins['kind'] == EventKind.RESET))
 
 
@@ -101,8 +99,7 @@ class Exponents(Recomputed):
         """Take the next batch; `is_first` if it begins a stretch without a hole."""
         first, last = events[0], events[-1]
         if is_first:
-            self._is_proven = False
-            self._candidates = []
+            self._is_proven, self._candidates = False, []
             self._stretch.begin(first)
         for candidate in self._candidates:
             candidate.update(events)
@@ -133,25 +130,21 @@ class Exponents(Recomputed):
         expected = lyapunov_values(self._running.report())
         wrong = _difference(report.values, expected)
         within = {name: value for name, value in expected.items() if name not in CROSSING}
-        if not wrong or not self._stretch.is_whole and not _difference(report.values, within):
-            self._accept()
-            return
-        for candidate in self._candidates:
+        is_found = not wrong or (
+            not self._stretch.is_whole and not _difference(report.values, within))
+        for candidate in [] if is_found else self._candidates:
             if not _difference(report.values, lyapunov_values(candidate.report())):
-                self._running = candidate
-                self._accept()
-                return
-        if not self._is_proven and self._is_beyond(expected, report):
+                self._running, is_found = candidate, True
+                break
+        if is_found:
+            self.found += 1
+            self._is_proven, self._candidates = True, []
+        elif not self._is_proven and self._is_beyond(expected, report):
             self.beyond += 1
         elif not self.fault:
             self.fault = (
                 f'the estimate at impact {report.values["index"]:.0f}, epoch '
                 f'{report.values["epoch"]:.0f}: {wrong}')
-
-    def _accept(self) -> None:
-        self.found += 1
-        self._is_proven = True
-        self._candidates = []
 
     def _is_beyond(self, expected: Mapping[str, float], report: Named) -> bool:
         # The tangent vectors depend on earlier impacts, unless a reset has made them anew.
@@ -183,7 +176,8 @@ class Transients(Recomputed):
             self._joins.add(values.get('start'))
         # Everything is known from a reset in this epoch on; None if there was no reset.
         self._known_from: int | None = None
-        self._detectors = [self._fresh()]
+        self._tolerance = min(max(self._tolerance, 1e-9), 0.1)
+        self._detectors = [TransientDetector(self._tolerance)]
 
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
         """Take the next batch, as `Exponents.take` does."""
@@ -197,7 +191,8 @@ class Transients(Recomputed):
         changes = [change for detector in self._detectors for change in detector.update(events)]
         if first['kind'] != EventKind.RESET and str(first['index']) in self._joins:
             # A node may have joined here.
-            self._detectors = [*self._detectors, self._fresh()][-_CANDIDATES:]
+            self._detectors = [
+                *self._detectors, TransientDetector(self._tolerance)][-_CANDIDATES:]
             changes += self._detectors[-1].update(events)
         pending = self._pending.get(stamp)
         if pending:
@@ -218,9 +213,6 @@ class Transients(Recomputed):
                 self.fault = (
                     f'the report {report.get("state")!r} at impact {report.get("index")}, epoch '
                     f'{report.get("epoch")}, is not what the events say: {report}')
-
-    def _fresh(self) -> TransientDetector:
-        return TransientDetector(min(max(self._tolerance, 1e-9), 0.1))
 
 
 def _difference(found: Mapping[str, float], expected: Mapping[str, float]) -> str:

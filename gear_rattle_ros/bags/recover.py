@@ -7,7 +7,7 @@ from pathlib import Path
 
 from . import BagError, BagWriter, CloudDecoder
 from .clouds import POINT_CLOUD
-from .metadata import file_names
+from .reader import find_files
 from .salvage import Damage, Salvage
 from ..core.model import EventArray
 from ..core.stream.guard import StreamGuard
@@ -117,18 +117,13 @@ def _copy(parts: Iterable[Salvage], writer: BagWriter) -> dict[str, Accounts]:
 
 
 def _find(path: Path) -> list[Path]:
-    if not path.exists():
-        raise BagError(f'{path}: does not exist')
     if not path.is_dir():
-        return [path]
+        return find_files(path)
     files = sorted(path.glob('*.mcap'), key=lambda file: (len(file.name), file.name))
-    try:
-        listed = [path / name for name in file_names(path)]
-    except (BagError, OSError):
-        listed = []
-    # Files that metadata.yaml does not name, or names wrongly, belong to the bag all the same.
-    ordered = [file for file in listed if file in files]
-    ordered += [file for file in files if file not in ordered]
-    if not ordered:
+    if not files:
         raise BagError(f'{path}: has no .mcap file')
-    return ordered
+    listed: list[Path] = []
+    # Files that metadata.yaml does not name, or names wrongly, belong to the bag all the same.
+    with contextlib.suppress(BagError, OSError):
+        listed = [file for file in find_files(path) if file in files]
+    return listed + [file for file in files if file not in listed]
