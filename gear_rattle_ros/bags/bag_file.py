@@ -102,7 +102,6 @@ class BagFile:
 
     def write(self, channel: int, log_time: int, publish_time: int, sequence: int,
               data: bytes) -> None:
-        """Add a message."""
         self.written.count(self._names[channel], log_time)
         self._open_chunk += 1
         size = self.size

@@ -78,21 +78,19 @@ def file_names(directory: Path) -> list[str]:
     """Return the files of a bag in order; where metadata.yaml is missing, all .mcap files."""
     path = directory / NAME
     try:
-        content = read_yaml(path.read_text('utf-8'))
-        information = content['rosbag2_bagfile_information']
+        information = read_yaml(path.read_text('utf-8'))['rosbag2_bagfile_information']
         storage = information['storage_identifier']
-        if storage != 'mcap':
-            # A few lines of YAML can make a value that fills the memory when it is printed.
-            named = repr(storage) if isinstance(storage, str) else type(storage).__name__
-            raise BagError(f'{path}: storage is {named[:80]}, not mcap')
-        names = list(information['relative_file_paths'])
-        if not all(isinstance(name, str) and name == Path(name).name for name in names):
-            raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
-        return names
+        names = information['relative_file_paths'] if storage == 'mcap' else []
     except FileNotFoundError:
         return sorted(
             (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))
-    except BagError:
-        raise
     except (ValueError, LookupError, TypeError):
         raise BagError(f'{path}: is not the metadata of a bag') from None
+    if storage != 'mcap':
+        # A few lines of YAML can make a value that fills the memory when it is printed.
+        named = repr(storage) if isinstance(storage, str) else type(storage).__name__
+        raise BagError(f'{path}: storage is {named[:80]}, not mcap')
+    if not isinstance(names, list) or not all(
+            isinstance(name, str) and name == Path(name).name for name in names):
+        raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
+    return names

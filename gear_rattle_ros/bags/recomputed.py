@@ -174,6 +174,7 @@ class Transients(Recomputed):
                 self.fault = f'tolerance = {report.values["tolerance"]!r} is no number'
             self._pending[report.stamp].append(values)
             self._joins.add(values.get('start'))
+        self._stamp: int | None = None
         # Everything is known from a reset in this epoch on; None if there was no reset.
         self._known_from: int | None = None
         self._tolerance = min(max(self._tolerance, 1e-9), 0.1)
@@ -182,6 +183,9 @@ class Transients(Recomputed):
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
         """Take the next batch, as `Exponents.take` does."""
         first = events[0]
+        if stamp != self._stamp:
+            self._end_stamp()
+            self._stamp = stamp
         if is_first:
             self._detectors = self._detectors[:1]
             self._known_from = None
@@ -201,9 +205,13 @@ class Transients(Recomputed):
             self._pending[stamp] = [report for report in pending if report not in found]
             self.found += len(pending) - len(self._pending[stamp])
 
-    def end_stamp(self, stamp: int) -> None:
-        """Count the reports that were not found in the batches of a stamp, or report a fault."""
-        for report in self._pending.pop(stamp, ()):
+    def finish(self) -> None:
+        """Judge the reports that are left."""
+        self._end_stamp()
+        super().finish()
+
+    def _end_stamp(self) -> None:
+        for report in self._pending.pop(self._stamp, ()):
             # If it began before the bag or in a hole, the node may have seen more of it.
             epoch = report.get('epoch') or ''
             if self._known_from is None or (

@@ -52,11 +52,11 @@ class Salvage:
         self.damages: list[Damage] = []
         self.is_closed = False
         self.nameless = 0
+        # Messages outside of chunks have no checksum: they count in a file without chunks only.
+        self._chunks: list[int] = []
+        self._loose: list[int] = []
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._chunks: list[int] = []
-        # Messages outside of chunks have no checksum: they count in a file without chunks only.
-        self._loose: list[int] = []
         try:
             with path.open('rb') as stream:
                 size = stream.seek(0, 2)

@@ -114,17 +114,16 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
     })
     exponents, transients = Exponents(estimates), Transients(reports)
     kernels = {status.values['kernels'] for status in statuses if 'kernels' in status.values}
-    succession, analyses = Succession(), _Analyses(exponents, transients)
+    succession, guard = Succession(), StreamGuard()
     source, fault = _batches(bag, impacts), ''
     # Both release the interpreter's lock where the time is spent.
     with ThreadPoolExecutor(1) as pool:
         while batches := list(itertools.islice(source, _GROUP)):
             checking = pool.submit(_first_fault, succession, impacts, batches)
-            analyses.take(batches)
+            _recompute(exponents, transients, guard, batches)
             fault = checking.result()
-            if fault or analyses.has_failed:
+            if fault or exponents.fault or transients.fault:
                 break
-    analyses.end_stamp()
     exponents.finish()
     transients.finish()
     return Verdict(
@@ -158,35 +157,16 @@ def _first_fault(succession: Succession, topic: str, batches: Sequence[_Batch]) 
     return ''
 
 
-class _Analyses:
-    """Recompute the exponents and transients, anew behind every hole."""
-
-    def __init__(self, exponents: Exponents, transients: Transients) -> None:
-        self._exponents = exponents
-        self._transients = transients
-        self._guard = StreamGuard()
-        self._stamp: int | None = None
-
-    @property
-    def has_failed(self) -> bool:
-        return bool(self._exponents.fault or self._transients.fault)
-
-    def take(self, batches: Sequence[_Batch]) -> None:
-        for batch in batches:
-            if batch.fault or self.has_failed:
-                return
-            if not len(batch.events):
-                continue
-            if batch.stamp != self._stamp:
-                self.end_stamp()
-                self._stamp = batch.stamp
-            is_first = not self._guard.split(batch.events)[0].follows
-            self._exponents.take(batch.events, batch.stamp, is_first)
-            self._transients.take(batch.events, batch.stamp, is_first)
-
-    def end_stamp(self) -> None:
-        if self._stamp is not None:
-            self._transients.end_stamp(self._stamp)
+def _recompute(exponents: Exponents, transients: Transients, guard: StreamGuard,
+               batches: Sequence[_Batch]) -> None:
+    """Recompute the exponents and transients, anew behind every hole, up to the first fault."""
+    for batch in batches:
+        if batch.fault or exponents.fault or transients.fault:
+            return
+        if len(batch.events):
+            is_first = not guard.split(batch.events)[0].follows
+            exponents.take(batch.events, batch.stamp, is_first)
+            transients.take(batch.events, batch.stamp, is_first)
 
 
 def _batches(bag: Bag, topic: str) -> Iterator[_Batch]:
