@@ -15,10 +15,7 @@ from . import metadata
 from .topics import Contents, Topic
 
 COMPRESSIONS: Final = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
-}
+    'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
 _CHUNK: Final = 2 * 1024 * 1024
 
 
@@ -86,10 +83,8 @@ class BagFile:
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name, topic.encoding, topic.definition.encode())
-        described = {
-            'offered_qos_profiles': metadata.dump([dict(qos) for qos in topic.offered_qos]),
-            'topic_type_hash': topic.type_hash,
-        }
+        offered = metadata.dump([dict(qos) for qos in topic.offered_qos])
+        described = {'offered_qos_profiles': offered, 'topic_type_hash': topic.type_hash}
         schema = self._schemas[topic.type_name]
         channel = self._writer.register_channel(topic.name, 'cdr', schema, described)
         Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(

@@ -51,12 +51,7 @@ class Reader:
 
 @dataclasses.dataclass(frozen=True)
 class Named:
-    """
-    A stamp [ns] with named values.
-
-    They are the numbers of a JointState by name, or the texts of a status by key; `name` is that
-    of the status.
-    """
+    """A stamp with the numbers of a JointState by name, or the texts of a status `name` by key."""
 
     stamp: int
     values: Mapping[str, Any]

@@ -11,9 +11,7 @@ import yaml
 from .topics import BagError, Contents, Topic
 from ..plain_yaml import read_yaml
 
-VERSION: Final = 9
 NAME: Final = 'metadata.yaml'
-DISTRIBUTION: Final = 'jazzy'
 
 
 def document(files: Mapping[str, Contents]) -> dict[str, Any]:
@@ -27,7 +25,7 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
     start = min(contents.start for contents in files.values())
     end = max((contents.end for contents in files.values() if contents.total), default=start)
     return {
-        'version': VERSION,
+        'version': 9,
         'storage_identifier': 'mcap',
         'duration': {'nanoseconds': end - start},
         'starting_time': {'nanoseconds_since_epoch': start},
@@ -52,15 +50,14 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
             'message_count': contents.total,
         } for name, contents in files.items()],
         'custom_data': None,
-        'ros_distro': DISTRIBUTION,
+        'ros_distro': 'jazzy',
     }
 
 
 def dump(content: object) -> str:
     """Write YAML in block style."""
     # The way through JSON leaves nothing shared, which YAML would write as an alias.
-    separate = json.loads(json.dumps(content))
-    return str(yaml.safe_dump(separate, sort_keys=False, default_flow_style=False))
+    return str(yaml.safe_dump(json.loads(json.dumps(content)), sort_keys=False))
 
 
 def write(directory: Path, information: dict[str, Any]) -> None:
@@ -82,8 +79,8 @@ def file_names(directory: Path) -> list[str]:
         storage = information['storage_identifier']
         names = information['relative_file_paths'] if storage == 'mcap' else []
     except FileNotFoundError:
-        return sorted(
-            (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))
+        names = [entry.name for entry in directory.glob('*.mcap')]
+        return sorted(names, key=lambda name: (len(name), name))
     except (ValueError, LookupError, TypeError):
         raise BagError(f'{path}: is not the metadata of a bag') from None
     if storage != 'mcap':

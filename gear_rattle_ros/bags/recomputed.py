@@ -198,8 +198,7 @@ class Transients(Recomputed):
             self._detectors = [
                 *self._detectors, TransientDetector(self._tolerance)][-_CANDIDATES:]
             changes += self._detectors[-1].update(events)
-        pending = self._pending.get(stamp)
-        if pending:
+        if pending := self._pending.get(stamp):
             found = [texts(transient_values(change)) for change in changes]
             # Batches may share a stamp: what is not found here is looked for in the next.
             self._pending[stamp] = [report for report in pending if report not in found]
@@ -214,8 +213,7 @@ class Transients(Recomputed):
         for report in self._pending.pop(self._stamp, ()):
             # If it began before the bag or in a hole, the node may have seen more of it.
             epoch = report.get('epoch') or ''
-            if self._known_from is None or (
-                    epoch.isdigit() and int(epoch) < self._known_from):
+            if self._known_from is None or epoch.isdigit() and int(epoch) < self._known_from:
                 self.beyond += 1
             elif not self.fault:
                 self.fault = (

@@ -50,9 +50,8 @@ class Recovery:
     def __str__(self) -> str:
         """Report what is there, what is missing, and where, line by line."""
         lines = [f'{counted(self.messages, "message")} recovered']
-        for path, damage in self.damages:
-            lines.append(f'{path}: {counted(damage.end - damage.start, "byte")} from '
-                         f'{damage.start} on unreadable')
+        lines += [f'{path}: {counted(damage.end - damage.start, "byte")} from {damage.start} on '
+                  'unreadable' for path, damage in self.damages]
         lines += [f'{path}: was not closed properly' for path in self.unclosed]
         if self.nameless:
             lines.append(f'{counted(self.nameless, "message")} of unknown topics left out')

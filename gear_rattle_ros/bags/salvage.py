@@ -32,7 +32,7 @@ _FOOTER: Final = _HEAD + 20 + len(MCAP0_MAGIC)
 
 @dataclasses.dataclass(frozen=True)
 class Damage:
-    """A stretch of a file from which nothing was read: from byte `start` to before `end`."""
+    """The bytes of a file, from `start` to before `end`, from which nothing was read."""
 
     start: int
     end: int

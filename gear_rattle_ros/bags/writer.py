@@ -5,10 +5,8 @@ import contextlib
 from pathlib import Path
 
 from . import metadata
-from .bag_file import BagFile, COMPRESSIONS
+from .bag_file import BagFile
 from .topics import BagError, Contents, Topic
-
-__all__ = ['BagWriter', 'COMPRESSIONS']
 
 
 class BagWriter:
