@@ -24,7 +24,6 @@ class Accounts:
         self.guard = StreamGuard()
 
     def take(self, events: EventArray) -> None:
-        """Take the next batch."""
         self.guard.split(events)
         if len(events):
             self.first = self.first or (int(events['index'][0]), int(events['epoch'][0]))
