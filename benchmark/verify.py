@@ -50,7 +50,7 @@ def main() -> int:
         busy = time.process_time()
         verdict = verify(directory / 'bag')
         busy = time.process_time() - busy
-        print(f'{verdict.describe()}; {verdict.events / busy:.2g} events per second of CPU')
+        print(f'{verdict}; {verdict.events / busy:.2g} events per second of CPU')
         begin = time.monotonic()
         with AnyReader([directory / 'bag']) as reader:
             points = sum(np.asarray(reader.deserialize(data, connection.msgtype).data).nbytes > 0

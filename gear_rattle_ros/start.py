@@ -29,15 +29,15 @@ EXECUTABLES = {
     'lyapunov': 'nodes.lyapunov',
     'orbit_diagram': 'cli.orbit_diagram',
     'recorder': 'nodes.recorder.node',
-    'recover': 'bags.recover',
+    'recover': 'cli.recover',
     'replay': 'nodes.replay.node',
     'section': 'cli.section',
     'simulator': 'nodes.simulator',
     'suite': 'nodes.suite.node',
-    'summary': 'figures.summary',
+    'summary': 'cli.summary',
     'teleop': 'nodes.teleop.node',
     'transients': 'nodes.transients',
-    'verify': 'bags.verify',
+    'verify': 'cli.verify',
     'viewer': 'nodes.viewer.node',
 }
 

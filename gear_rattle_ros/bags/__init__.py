@@ -1,12 +1,17 @@
-"""Bags: MCAP directories as rosbag2 of Jazzy writes them, without any ROS."""
+"""
+Bags: MCAP directories as rosbag2 of Jazzy writes them, without any ROS.
 
+Times are nanoseconds since the epoch, sizes and places in a file are bytes.
+"""
+
+from .bag_file import COMPRESSIONS
 from .clouds import CloudDecoder
 from .files import Message
-from .reader import Bag
+from .reader import Bag, read_bag
 from .topics import BagError, message_definition, Topic
-from .writer import BagWriter, COMPRESSIONS
+from .writer import BagWriter
 
 __all__ = [
     'Bag', 'BagError', 'BagWriter', 'CloudDecoder', 'COMPRESSIONS', 'Message',
-    'message_definition', 'Topic',
+    'message_definition', 'read_bag', 'Topic',
 ]

@@ -1,5 +1,6 @@
 """Writing one .mcap file of a bag, so that it stays readable while it grows."""
 
+from collections.abc import Mapping
 import contextlib
 import dataclasses
 import os
@@ -11,18 +12,15 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from . import metadata
-from .topics import Topic
+from .topics import Contents, Topic
 
 COMPRESSIONS: Final = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
-}
+    'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
 _CHUNK: Final = 2 * 1024 * 1024
 
 
 class _Sink:
-    """A file that hands every write on at once and whole, so that an error belongs to it."""
+    """A file without a buffer: a write is whole or raises its own error."""
 
     def __init__(self, path: Path) -> None:
         self._raw = path.open('xb', buffering=0)
@@ -39,47 +37,35 @@ class _Sink:
         return self.size
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: there is no buffer."""
 
     def sync(self) -> None:
-        # One that is closed meanwhile is on the disk.
+        # A file that was closed meanwhile is on the disk.
         with contextlib.suppress(ValueError):
             os.fdatasync(self._raw.fileno())
 
     def close(self, size: int) -> None:
-        """Close, without what lies behind a size."""
+        """Close, and cut off what lies behind a size."""
         with self._raw:
             if self._raw.tell() > size:
                 self._raw.truncate(size)
             os.fsync(self._raw.fileno())
 
 
-@dataclasses.dataclass
-class _Tally:
-    """What was written of a file."""
-
-    counts: dict[int, int] = dataclasses.field(default_factory=dict)
-    start: int = 2**63 - 1
-    end: int = 0
-    size: int = 0
-
-    def copy(self) -> '_Tally':
-        return dataclasses.replace(self, counts=dict(self.counts))
-
-
 class BagFile:
-    """A file of a bag; every method but `abandon` raises OSError where it cannot be written."""
+    """A file of a bag; every method but `abandon` raises OSError if it cannot be written."""
 
     def __init__(self, path: Path, compression: str) -> None:
         self.path = path
-        self._topics: dict[int, Topic] = {}
-        self._schemas: dict[str, int] = {}
-        self._written = _Tally()
         # What reading the file up to its present size would find.
-        self._settled = _Tally()
+        self.settled = Contents()
+        self._settled_size = 0
+        self.written = Contents()
+        self._names: dict[int, str] = {}
+        self._schemas: dict[str, int] = {}
         self._open_chunk = 0
         self._is_closed = False
-        # Written once more behind the chunk they stand in: its loss would be that of all.
+        # Topics, written once more behind their chunk: without them no message can be read.
         self._repeated = RecordBuilder()
         self._sink = _Sink(path)
         self._writer = Writer(
@@ -92,45 +78,26 @@ class BagFile:
     def size(self) -> int:
         return self._sink.size
 
-    @property
-    def start(self) -> int:
-        """Return the log time of the first message [ns]."""
-        return self._written.start
-
-    def part(self) -> metadata.Part:
-        """Describe what reading the file up to its present size would find."""
-        settled = self._settled
-        return metadata.Part(
-            self.path.name,
-            tuple((topic, settled.counts.get(channel, 0))
-                  for channel, topic in self._topics.items()),
-            settled.start, settled.end)
-
     def add_topic(self, topic: Topic) -> int:
         """Announce a topic and return its channel; the same order gives the same channels."""
-        offered = metadata.dump([dict(qos) for qos in topic.offered_qos])
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name, topic.encoding, topic.definition.encode())
-        described = {
-            'offered_qos_profiles': offered,
-            'topic_type_hash': topic.type_hash,
-        }
+        offered = metadata.dump([dict(qos) for qos in topic.offered_qos])
+        described = {'offered_qos_profiles': offered, 'topic_type_hash': topic.type_hash}
         schema = self._schemas[topic.type_name]
         channel = self._writer.register_channel(topic.name, 'cdr', schema, described)
         Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(
             self._repeated)
         Channel(channel, topic.name, 'cdr', described, schema).write(self._repeated)
-        self._topics[channel] = topic
+        self._names[channel] = topic.name
+        self.written.announce(topic)
+        self.settled.announce(topic)
         return channel
 
     def write(self, channel: int, log_time: int, publish_time: int, sequence: int,
               data: bytes) -> None:
-        """Add a message."""
-        written = self._written
-        written.counts[channel] = written.counts.get(channel, 0) + 1
-        written.start = min(written.start, log_time)
-        written.end = max(written.end, log_time)
+        self.written.count(self._names[channel], log_time)
         self._open_chunk += 1
         size = self.size
         self._writer.add_message(channel, log_time, data, publish_time, sequence & 0xFFFFFFFF)
@@ -147,25 +114,26 @@ class BagFile:
         """Wait until the disk has what the operating system was given."""
         self._sink.sync()
 
-    def finish(self, others: list[metadata.Part]) -> None:
-        """Write the index, and close; `others` are the files of the bag before this one."""
+    def finish(self, others: Mapping[str, Contents]) -> None:
+        """Write the index, and close; `others` are the earlier files of the bag."""
         self.flush()
         self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata.dump(
-            metadata.document([*others, self.part()]))})
+            metadata.document({**others, self.path.name: self.settled}))})
         self._writer.finish()
         self._sink.close(self.size)
         self._is_closed = True
 
     def abandon(self) -> None:
-        """After an error: cut off what was written in part, so that the rest stays readable."""
+        """After an error, cut off what was written in part, so that the rest stays readable."""
         if not self._is_closed:
             self._is_closed = True
             with contextlib.suppress(OSError, ValueError):
-                self._sink.close(self._settled.size)
+                self._sink.close(self._settled_size)
 
     def _settle(self) -> None:
         self._open_chunk = 0
         if self._repeated.count:
             self._sink.write(self._repeated.end())
-        self._written.size = self._sink.size
-        self._settled = self._written.copy()
+        self._settled_size = self._sink.size
+        self.settled = dataclasses.replace(
+            self.written, topics=dict(self.written.topics), counts=dict(self.written.counts))

@@ -2,22 +2,20 @@
 
 from collections.abc import Sequence
 import dataclasses
-import struct
 from typing import Final
 
 import numpy as np
 
+from .cdr import Reader
 from ..core.model import EventArray
 from ..core.stream.event_points import decode_points, Field, view_points
 
 POINT_CLOUD: Final = 'sensor_msgs/msg/PointCloud2'
-# Length of the encapsulation in front of a message; alignments count from its end.
-_HEAD: Final = 4
 
 
 @dataclasses.dataclass(frozen=True)
 class Cloud:
-    """The parts of a PointCloud2 that matter, where they lie."""
+    """The parts of a PointCloud2 that matter; `data` is a view of its points, `stamp` in ns."""
 
     stamp: int
     fields: Sequence[Field]
@@ -26,9 +24,18 @@ class Cloud:
     is_bigendian: bool
     data: memoryview
 
+    def events(self) -> EventArray:
+        """Return a copy of its EVENT records, checked, shape (n,)."""
+        return decode_points(self.fields, self.count, self.step, self.is_bigendian, self.data)
+
 
 class CloudDecoder:
-    """Reads serialized PointCloud2; a cloud with the fields of the last one is read faster."""
+    """
+    Reads serialized PointCloud2 in plain CDR, of either order of bytes.
+
+    A cloud with the same fields as the one before is read faster. Bytes that are no such cloud
+    raise ValueError.
+    """
 
     def __init__(self) -> None:
         # The bytes of the fields, with the order of bytes in front.
@@ -36,118 +43,48 @@ class CloudDecoder:
         self._fields: list[Field] = []
 
     def parse(self, cdr: bytes) -> Cloud:
-        """
-        Take a serialized cloud apart without copying its points.
-
-        Parameters
-        ----------
-        cdr : bytes
-            The message in plain CDR, of either order of bytes.
-
-        Returns
-        -------
-        Cloud
-            Its parts, with the stamp in nanoseconds.
-
-        Raises
-        ------
-        ValueError
-            If the bytes are no PointCloud2.
-
-        """
-        if len(cdr) < _HEAD or cdr[0] != 0 or cdr[1] > 1:
-            raise ValueError('message is not in plain CDR')
-        order = '<' if cdr[1] else '>'
-        word = struct.Struct(f'{order}I')
+        """Take a serialized cloud apart without copying its points."""
+        reader = Reader(cdr)
         try:
-            seconds, nanoseconds, length = struct.unpack_from(f'{order}iII', cdr, _HEAD)
-            place = _aligned(_HEAD + 12 + length)
-            height, width, number = struct.unpack_from(f'{order}III', cdr, place)
-            place = self._find_fields(cdr, place + 12, number, word)
-            is_bigendian = cdr[place] != 0
-            step, row_step, size = struct.unpack_from(f'{order}III', cdr, _aligned(place + 1))
-            place = _aligned(place + 1) + 12
-        except (IndexError, struct.error):
+            stamp = reader.header()
+            height, width, number = reader.take('I', 3)
+            self._take_fields(cdr, reader, number)
+            is_bigendian, = reader.take('B')
+            step, row_step, size = reader.take('I', 3)
+            start = reader.skip(size)
+            # Whether the cloud is dense: nothing depends on it, but it must be there.
+            reader.skip(1)
+            if height > 1 and row_step != width * step:
+                raise ValueError
+        except ValueError:
             raise ValueError(f'message of {len(cdr)} bytes is no PointCloud2') from None
-        if len(cdr) < place + size + 1 or (height > 1 and row_step != width * step):
-            raise ValueError(f'message of {len(cdr)} bytes is no PointCloud2')
-        return Cloud(seconds * 1_000_000_000 + nanoseconds, self._fields, height * width, step,
-                     is_bigendian, memoryview(cdr)[place:place + size])
+        return Cloud(stamp, self._fields, height * width, step, is_bigendian != 0,
+                     memoryview(cdr)[start:start + size])
 
     def events(self, cdr: bytes) -> EventArray:
-        """
-        Return the EVENT records of a serialized cloud.
-
-        Parameters
-        ----------
-        cdr : bytes
-            The message.
-
-        Returns
-        -------
-        ndarray of EVENT, shape (n,)
-            A copy.
-
-        Raises
-        ------
-        ValueError
-            If the message is no cloud of EVENT.
-
-        """
-        cloud = self.parse(cdr)
-        return decode_points(
-            cloud.fields, cloud.count, cloud.step, cloud.is_bigendian, cloud.data)
+        """Return a copy of the EVENT records of a serialized cloud, checked, shape (n,)."""
+        return self.parse(cdr).events()
 
     def columns(self, cdr: bytes, names: Sequence[str]) -> EventArray:
-        """
-        Return some fields of the EVENT records of a serialized cloud, unchecked.
-
-        Parameters
-        ----------
-        cdr : bytes
-            The message.
-        names : sequence of str
-            Fields of EVENT.
-
-        Returns
-        -------
-        structured ndarray, shape (n,)
-            A packed copy of these fields.
-
-        Raises
-        ------
-        ValueError
-            If the message is no cloud with these fields.
-
-        """
+        """Return a packed copy of some fields of the EVENT records, unchecked, shape (n,)."""
         cloud = self.parse(cdr)
         view = view_points(
             cloud.fields, cloud.count, cloud.step, cloud.is_bigendian, cloud.data, names)
-        packed = np.empty(cloud.count, [(name, view.dtype[name].newbyteorder('='))
-                                        for name in names])
+        packed = np.empty(
+            cloud.count, [(name, view.dtype[name].newbyteorder('=')) for name in names])
         for name in names:
             packed[name] = view[name]
         return packed
 
-    def _find_fields(self, cdr: bytes, place: int, number: int, word: struct.Struct) -> int:
-        end = place + len(self._block) - 1
-        if number == len(self._fields) and cdr[1:2] + cdr[place:end] == self._block:
-            return end
+    def _take_fields(self, cdr: bytes, reader: Reader, number: int) -> None:
+        start = reader.place
+        end = start + len(self._block) - 1
+        if number == len(self._fields) and cdr[1:2] + cdr[start:end] == self._block:
+            reader.skip(end - start)
+            return
         fields = []
-        start = place
         for _ in range(number):
-            place = _aligned(place)
-            length = word.unpack_from(cdr, place)[0]
-            name = cdr[place + 4:place + 3 + length].decode('utf-8', 'replace')
-            place = _aligned(place + 4 + length)
-            offset = word.unpack_from(cdr, place)[0]
-            datatype = cdr[place + 4]
-            count = word.unpack_from(cdr, place + 8)[0]
-            fields.append((name, offset, datatype, count))
-            place += 12
-        self._fields, self._block = fields, cdr[1:2] + cdr[start:place]
-        return place
-
-
-def _aligned(place: int) -> int:
-    return (place + 3) & ~3
+            name, offset = reader.text(), reader.length()
+            datatype, = reader.take('B')
+            fields.append((name, offset, datatype, reader.length()))
+        self._fields, self._block = fields, cdr[1:2] + cdr[start:reader.place]

@@ -18,7 +18,7 @@ from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import MCAP0_MAGIC
 import zstandard
 
-from .topics import BagError, Topic
+from .topics import BagError, Contents, Topic
 from ..plain_yaml import read_yaml
 
 # In a file without an index, messages are put in order if they are off by no more than this [ns].
@@ -29,7 +29,7 @@ BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struc
 
 @dataclasses.dataclass(frozen=True)
 class Message:
-    """A message as it was recorded; times are nanoseconds, `data` is its serialized form."""
+    """A message as it was recorded; `data` is its serialized form."""
 
     topic: str
     type_name: str
@@ -37,17 +37,6 @@ class Message:
     log_time: int
     publish_time: int
     sequence: int
-
-
-@dataclasses.dataclass
-class Contents:
-    """What is in a file."""
-
-    topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
-    counts: dict[str, int] = dataclasses.field(default_factory=dict)
-    start: int = 2**63 - 1
-    end: int = 0
-    is_indexed: bool = False
 
 
 @contextlib.contextmanager
@@ -78,31 +67,19 @@ def read_summary(stream: IO[bytes]) -> Contents | None:
     contents = Contents(
         start=statistics.message_start_time, end=statistics.message_end_time, is_indexed=True)
     for number, channel in summary.channels.items():
-        _add_topic(contents, channel, summary.schemas)
+        contents.announce(describe_topic(channel, summary.schemas[channel.schema_id]))
         contents.counts[channel.topic] += statistics.channel_message_counts.get(number, 0)
     return contents
 
 
 def scan(stream: IO[bytes]) -> Contents:
     contents = Contents()
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    for record in _records(stream):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-            _add_topic(contents, record, schemas)
-        elif isinstance(record, mcap.records.Message):
-            contents.counts[channels[record.channel_id].topic] += 1
-            contents.start = min(contents.start, record.log_time)
-            contents.end = max(contents.end, record.log_time)
+    for schema, channel, message in _described(stream):
+        if message is None:
+            contents.announce(describe_topic(channel, schema))
+        else:
+            contents.count(channel.topic, message.log_time)
     return contents
-
-
-def _add_topic(contents: Contents, channel: Channel, schemas: dict[int, Schema]) -> None:
-    contents.counts.setdefault(channel.topic, 0)
-    contents.topics.setdefault(channel.topic, describe_topic(channel, schemas[channel.schema_id]))
 
 
 def describe_topic(channel: Channel, schema: Schema) -> Topic:
@@ -113,13 +90,10 @@ def describe_topic(channel: Channel, schema: Schema) -> Topic:
 
 
 def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
-    try:
-        profiles = read_yaml(text)
-    except ValueError:
-        return ()
-    if not isinstance(profiles, list):
-        return ()
-    return tuple(profile for profile in profiles if isinstance(profile, dict))
+    with contextlib.suppress(ValueError):
+        if isinstance(profiles := read_yaml(text), list):
+            return tuple(profile for profile in profiles if isinstance(profile, dict))
+    return ()
 
 
 def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
@@ -132,30 +106,37 @@ def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
 
 def read_through(stream: IO[bytes], topics: Collection[str] | None, start: int,
                  end: int) -> Iterator[Message]:
+    waiting: list[tuple[int, int, Message]] = []
+    for number, (schema, channel, message) in enumerate(_described(stream)):
+        if message is None or not start <= message.log_time <= end or (
+                topics is not None and channel.topic not in topics):
+            continue
+        heapq.heappush(
+            waiting, (message.log_time, number, _message(channel, schema.name, message)))
+        while waiting[0][0] < message.log_time - _WINDOW:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+def _described(
+        stream: IO[bytes]) -> Iterator[tuple[Schema, Channel, mcap.records.Message | None]]:
+    """Yield every message with its topic, and every topic when it is announced."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    waiting: list[tuple[int, int, Message]] = []
-    number = 0
     for record in _records(stream):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel):
             channels[record.id] = record
-        elif isinstance(record, mcap.records.Message) and start <= record.log_time <= end:
+            yield schemas[record.schema_id], record, None
+        elif isinstance(record, mcap.records.Message):
             channel = channels[record.channel_id]
-            if topics is not None and channel.topic not in topics:
-                continue
-            number += 1
-            heapq.heappush(waiting, (record.log_time, number, _message(
-                channel, schemas[channel.schema_id].name, record)))
-            while waiting[0][0] < record.log_time - _WINDOW:
-                yield heapq.heappop(waiting)[2]
-    while waiting:
-        yield heapq.heappop(waiting)[2]
+            yield schemas[channel.schema_id], channel, record
 
 
 def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
-    """Return the records of a file up to where it was cut off."""
+    """Yield the records of a file up to where it was cut off."""
     stream.seek(0)
     records = StreamReader(stream, emit_chunks=True).records
     while True:
@@ -168,10 +149,8 @@ def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
             return
         if record is None:
             return
-        if isinstance(record, Chunk):
-            yield from breakup_chunk(record, validate_crc=True)
-        else:
-            yield record
+        yield from breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [
+            record]
 
 
 def _message(channel: Channel, type_name: str, message: mcap.records.Message) -> Message:

@@ -1,7 +1,6 @@
 """The metadata.yaml of a bag, version 9, with the keys and their order of rosbag2 in Jazzy."""
 
-from collections.abc import Sequence
-import dataclasses
+from collections.abc import Mapping
 import json
 import os
 from pathlib import Path
@@ -9,78 +8,56 @@ from typing import Any, Final
 
 import yaml
 
-from .topics import BagError, Topic
+from .topics import BagError, Contents, Topic
 from ..plain_yaml import read_yaml
 
-VERSION: Final = 9
 NAME: Final = 'metadata.yaml'
-DISTRIBUTION: Final = 'jazzy'
-# What rosbag2 writes for the start of a bag without messages.
-_NEVER: Final = 2**63 - 1
 
 
-@dataclasses.dataclass(frozen=True)
-class Part:
-    """A file of a bag: its messages by topic, and the log time of its first and last [ns]."""
-
-    name: str
-    counts: tuple[tuple[Topic, int], ...]
-    start: int
-    end: int
-
-    @property
-    def total(self) -> int:
-        """Count the messages of all topics."""
-        return sum(count for _, count in self.counts)
-
-
-def document(parts: Sequence[Part]) -> dict[str, Any]:
+def document(files: Mapping[str, Contents]) -> dict[str, Any]:
     """Return what stands under ``rosbag2_bagfile_information`` for a bag of these files."""
-    counts: dict[str, tuple[Topic, int]] = {}
-    for part in parts:
-        for topic, count in part.counts:
-            counts[topic.name] = (topic, counts.get(topic.name, (topic, 0))[1] + count)
-    filled = [part for part in parts if part.total]
-    start = min((part.start for part in filled), default=_NEVER)
-    end = max((part.end for part in filled), default=_NEVER)
+    topics: dict[str, Topic] = {}
+    counts: dict[str, int] = {}
+    for contents in files.values():
+        topics |= contents.topics
+        for name, count in contents.counts.items():
+            counts[name] = counts.get(name, 0) + count
+    start = min(contents.start for contents in files.values())
+    end = max((contents.end for contents in files.values() if contents.total), default=start)
     return {
-        'version': VERSION,
+        'version': 9,
         'storage_identifier': 'mcap',
         'duration': {'nanoseconds': end - start},
         'starting_time': {'nanoseconds_since_epoch': start},
-        'message_count': sum(part.total for part in parts),
-        'topics_with_message_count': [
-            {
-                'topic_metadata': {
-                    'name': topic.name,
-                    'type': topic.type_name,
-                    'serialization_format': 'cdr',
-                    'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
-                    'type_description_hash': topic.type_hash,
-                },
-                'message_count': count,
-            }
-            for topic, count in counts.values()
-        ],
+        'message_count': sum(counts.values()),
+        'topics_with_message_count': [{
+            'topic_metadata': {
+                'name': topic.name,
+                'type': topic.type_name,
+                'serialization_format': 'cdr',
+                'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
+                'type_description_hash': topic.type_hash,
+            },
+            'message_count': counts[topic.name],
+        } for topic in topics.values()],
         'compression_format': '',
         'compression_mode': '',
-        'relative_file_paths': [part.name for part in parts],
+        'relative_file_paths': list(files),
         'files': [{
-            'path': part.name,
-            'starting_time': {'nanoseconds_since_epoch': part.start if part.total else _NEVER},
-            'duration': {'nanoseconds': part.end - part.start if part.total else 0},
-            'message_count': part.total,
-        } for part in parts],
+            'path': name,
+            'starting_time': {'nanoseconds_since_epoch': contents.start},
+            'duration': {'nanoseconds': max(contents.end - contents.start, 0)},
+            'message_count': contents.total,
+        } for name, contents in files.items()],
         'custom_data': None,
-        'ros_distro': DISTRIBUTION,
+        'ros_distro': 'jazzy',
     }
 
 
 def dump(content: object) -> str:
     """Write YAML in block style."""
     # The way through JSON leaves nothing shared, which YAML would write as an alias.
-    separate = json.loads(json.dumps(content))
-    return str(yaml.safe_dump(separate, sort_keys=False, default_flow_style=False))
+    return str(yaml.safe_dump(json.loads(json.dumps(content)), sort_keys=False))
 
 
 def write(directory: Path, information: dict[str, Any]) -> None:
@@ -95,42 +72,22 @@ def write(directory: Path, information: dict[str, Any]) -> None:
 
 
 def file_names(directory: Path) -> list[str]:
-    """
-    Return the files of a bag in their order.
-
-    Parameters
-    ----------
-    directory : Path
-        The bag.
-
-    Returns
-    -------
-    list of str
-        Their names; where metadata.yaml is missing, all .mcap files.
-
-    Raises
-    ------
-    BagError
-        If metadata.yaml is not that of an MCAP bag.
-
-    """
+    """Return the files of a bag in order; where metadata.yaml is missing, all .mcap files."""
     path = directory / NAME
     try:
-        content = read_yaml(path.read_text('utf-8'))
-        information = content['rosbag2_bagfile_information']
+        information = read_yaml(path.read_text('utf-8'))['rosbag2_bagfile_information']
         storage = information['storage_identifier']
-        if storage != 'mcap':
-            # Of a few lines of YAML a value may be made that fills the memory when it is printed.
-            named = repr(storage) if isinstance(storage, str) else type(storage).__name__
-            raise BagError(f'{path}: storage is {named[:80]}, not mcap')
-        names = list(information['relative_file_paths'])
-        if not all(isinstance(name, str) and name == Path(name).name for name in names):
-            raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
-        return names
+        names = information['relative_file_paths'] if storage == 'mcap' else []
     except FileNotFoundError:
-        return sorted(
-            (entry.name for entry in directory.glob('*.mcap')), key=lambda name: (len(name), name))
-    except BagError:
-        raise
+        names = [entry.name for entry in directory.glob('*.mcap')]
+        return sorted(names, key=lambda name: (len(name), name))
     except (ValueError, LookupError, TypeError):
         raise BagError(f'{path}: is not the metadata of a bag') from None
+    if storage != 'mcap':
+        # A few lines of YAML can make a value that fills the memory when it is printed.
+        named = repr(storage) if isinstance(storage, str) else type(storage).__name__
+        raise BagError(f'{path}: storage is {named[:80]}, not mcap')
+    if not isinstance(names, list) or not all(
+            isinstance(name, str) and name == Path(name).name for name in names):
+        raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
+    return names

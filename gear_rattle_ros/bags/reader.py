@@ -3,22 +3,24 @@
 from collections.abc import Collection, Iterator
 import heapq
 from pathlib import Path
+import warnings
+
+import numpy as np
 
 from .clouds import CloudDecoder, POINT_CLOUD
-from .files import Contents, Message, opened, read_indexed, read_summary, read_through, scan
+from .files import Message, opened, read_indexed, read_summary, read_through, scan
 from .metadata import file_names
-from .topics import BagError, Topic
-from ..core.model import EventArray
+from .topics import BagError, Contents, Topic
+from ..core.model import EVENT, EventArray
+from ..core.stream.guard import StreamGuard
+from ..core.words import counted
 
 
 class Bag:
     """
-    A recorded bag.
+    A recorded bag: a directory, or a single .mcap file.
 
-    Parameters
-    ----------
-    path : Path
-        A bag directory, or a single .mcap file.
+    A bag that is missing or damaged raises BagError, here or where the damaged place is read.
 
     Attributes
     ----------
@@ -31,21 +33,15 @@ class Bag:
     is_whole : bool
         Whether all files were closed properly; if not, their complete chunks are read.
 
-    Raises
-    ------
-    BagError
-        If there is no bag, or it is damaged.
-
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
         self.topics: dict[str, Topic] = {}
         self.counts: dict[str, int] = {}
         self.is_whole = True
         self._files: list[tuple[Path, Contents]] = []
-        starts, ends = [], []
-        for file in _find_files(path):
+        for file in find_files(self.path):
             with opened(file) as stream:
                 contents = read_summary(stream) or scan(stream)
             self._files.append((file, contents))
@@ -56,34 +52,16 @@ class Bag:
                     raise BagError(f'{file}: topic {name} is of two types, '
                                    f'{known.type_name} and {topic.type_name}')
                 self.counts[name] = self.counts.get(name, 0) + contents.counts[name]
-            if any(contents.counts.values()):
-                starts.append(contents.start)
-                ends.append(contents.end)
-        self.start = min(starts, default=0)
-        self.end = max(ends, default=0)
+        filled = [contents for _, contents in self._files if contents.total]
+        self.start = min((contents.start for contents in filled), default=0)
+        self.end = max((contents.end for contents in filled), default=0)
 
     def messages(self, topics: Collection[str] | None = None, start: int = 0,
                  end: int = 2**63 - 1) -> Iterator[Message]:
         """
-        Return messages in the order of their log time.
+        Yield the messages of some topics, or of all, in the order of their log time.
 
-        Parameters
-        ----------
-        topics : collection of str, optional
-            Names; without them, all.
-        start, end : int
-            Range of the log time [ns], both included.
-
-        Yields
-        ------
-        Message
-            One after the other.
-
-        Raises
-        ------
-        BagError
-            At a damaged place.
-
+        `start` and `end` limit the log time [ns] and are both included.
         """
         # Where one file ends and the next begins, topics may overlap.
         waiting = sorted(self._files, key=lambda each: each[1].start, reverse=True)
@@ -104,23 +82,9 @@ class Bag:
 
     def events(self, topic: str = '') -> Iterator[EventArray]:
         """
-        Return the batches of EVENT that were recorded.
+        Yield the batches of EVENT that were recorded, shape (n,).
 
-        Parameters
-        ----------
-        topic : str
-            Name of the topic; without it, the one whose last part is ``impacts``.
-
-        Yields
-        ------
-        ndarray of EVENT, shape (n,)
-            One batch.
-
-        Raises
-        ------
-        BagError
-            If there is no such topic, or no EVENT in it.
-
+        Without `topic`, it is the one whose last part is ``impacts``.
         """
         topic = self.find_impacts(topic)
         decoder = CloudDecoder()
@@ -132,25 +96,7 @@ class Bag:
             yield events
 
     def find_impacts(self, topic: str = '') -> str:
-        """
-        Return the name of the topic with the EVENT records.
-
-        Parameters
-        ----------
-        topic : str
-            Its name; without it, the one whose last part is ``impacts``.
-
-        Returns
-        -------
-        str
-            The name.
-
-        Raises
-        ------
-        BagError
-            If there is no such topic, or more than one.
-
-        """
+        """Return the name of the topic with the EVENT records; see `events`."""
         names = ', '.join(sorted(self.topics)) or 'none'
         if topic:
             if topic not in self.topics:
@@ -164,6 +110,50 @@ class Bag:
         return found[0]
 
 
+def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
+    """
+    Return all EVENT records of a bag, in the order in which they were recorded.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag directory, or a single .mcap file.
+    topic : str
+        Name of the topic; without it, the one whose last part is ``impacts``.
+
+    Returns
+    -------
+    ndarray of EVENT, shape (n,)
+        A structured array; ``pandas.DataFrame(read_bag(path))`` has a column for each field.
+
+    Raises
+    ------
+    BagError
+        If there is no bag or no such topic, or a damaged place is read.
+
+    Warns
+    -----
+    UserWarning
+        If impacts are missing, the numbering begins anew, or the bag was not closed properly.
+
+    """
+    bag = Bag(path)
+    guard = StreamGuard()
+    batches = [np.empty(0, EVENT)]
+    for events in bag.events(topic):
+        guard.split(events)
+        batches.append(events)
+    faults = [] if bag.is_whole else ['was not closed properly; its complete chunks are read']
+    if guard.gaps:
+        faults.append(f'{counted(guard.gaps, "hole")}, {counted(guard.lost, "impact")} missing; '
+                      f'the last hole: {guard.holes[-1].describe()}')
+    if guard.restarts:
+        faults.append(f'the numbering begins anew {counted(guard.restarts, "time")}')
+    for fault in faults:
+        warnings.warn(f'{path}: {fault}', stacklevel=2)
+    return np.concatenate(batches)
+
+
 def _messages_of(file: Path, contents: Contents, topics: Collection[str] | None, start: int,
                  end: int) -> Iterator[Message]:
     with opened(file) as stream:
@@ -171,7 +161,7 @@ def _messages_of(file: Path, contents: Contents, topics: Collection[str] | None,
         yield from read(stream, topics, start, end)
 
 
-def _find_files(path: Path) -> list[Path]:
+def find_files(path: Path) -> list[Path]:
     if path.is_dir():
         files = [path / name for name in file_names(path)]
         if not files:

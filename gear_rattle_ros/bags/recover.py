@@ -1,21 +1,21 @@
-"""Make a clean bag of one that was cut off or damaged, and say what is missing."""
+"""Make a clean bag of one that was cut off or damaged, and report what is missing."""
 
 from collections.abc import Iterable
+import contextlib
 import dataclasses
 from pathlib import Path
 
 from . import BagError, BagWriter, CloudDecoder
 from .clouds import POINT_CLOUD
-from .metadata import file_names
+from .reader import find_files
 from .salvage import Damage, Salvage
-from ..cli.refusal import attempt, Parser
 from ..core.model import EventArray
 from ..core.stream.guard import StreamGuard
 from ..core.words import counted
 
 
 class Accounts:
-    """What of a stream of events is there, and what is missing, by index and epoch."""
+    """The events of a stream that are there, and those that are missing, by index and epoch."""
 
     def __init__(self) -> None:
         self.events = 0
@@ -24,7 +24,6 @@ class Accounts:
         self.guard = StreamGuard()
 
     def take(self, events: EventArray) -> None:
-        """Take the next batch."""
         self.guard.split(events)
         if len(events):
             self.first = self.first or (int(events['index'][0]), int(events['epoch'][0]))
@@ -35,7 +34,7 @@ class Accounts:
 @dataclasses.dataclass(frozen=True)
 class Recovery:
     """
-    What was recovered: `messages` in the new bag, and the events of each topic.
+    The `messages` in the new bag, and the events of each topic; its text is a report.
 
     `nameless` messages are of topics that are described nowhere and left out, `damages` are
     stretches from which nothing could be read, `unclosed` files were cut off.
@@ -47,12 +46,11 @@ class Recovery:
     unclosed: tuple[Path, ...]
     accounts: dict[str, Accounts]
 
-    def describe(self) -> list[str]:
-        """Put it in words."""
+    def __str__(self) -> str:
+        """Report what is there, what is missing, and where, line by line."""
         lines = [f'{counted(self.messages, "message")} recovered']
-        for path, damage in self.damages:
-            lines.append(f'{path}: {counted(damage.end - damage.start, "byte")} from '
-                         f'{damage.start} on unreadable')
+        lines += [f'{path}: {counted(damage.end - damage.start, "byte")} from {damage.start} on '
+                  'unreadable' for path, damage in self.damages]
         lines += [f'{path}: was not closed properly' for path in self.unclosed]
         if self.nameless:
             lines.append(f'{counted(self.nameless, "message")} of unknown topics left out')
@@ -70,21 +68,23 @@ class Recovery:
                              f'{counted(accounts.guard.restarts, "time")}')
             if self.unclosed:
                 lines.append(f'{name}: what came behind impact {accounts.last[0]} is lost')
-        return lines
+        return '\n'.join(lines)
+
+    __repr__ = __str__
 
 
-def recover(path: Path, output: Path) -> Recovery:
-    """Copy all that can be read of a bag to a new one; BagError where nothing is left of it."""
+def recover(path: str | Path, output: str | Path) -> Recovery:
+    """Copy all that can be read of a bag to a new one; BagError if nothing is left of it."""
+    path, output = Path(path), Path(output)
     if path.is_dir() and output.resolve().is_relative_to(path.resolve()):
         raise BagError(f'{output}: lies in the bag to be recovered, choose another name')
-    # All of them, before anything is written.
+    # Every file is read before anything is written.
     parts = [(file, Salvage(file)) for file in _find(path)]
     if not any(True for _, part in parts for _ in part.messages()):
         raise BagError(f'{path}: nothing in it can be recovered')
     writer = BagWriter(output)
-    accounts: dict[str, Accounts] = {}
     try:
-        _copy((part for _, part in parts), writer, accounts)
+        accounts = _copy((part for _, part in parts), writer)
         writer.close()
     except BaseException:
         writer.abandon()
@@ -95,7 +95,8 @@ def recover(path: Path, output: Path) -> Recovery:
         tuple(file for file, part in parts if not part.is_closed), accounts)
 
 
-def _copy(parts: Iterable[Salvage], writer: BagWriter, accounts: dict[str, Accounts]) -> None:
+def _copy(parts: Iterable[Salvage], writer: BagWriter) -> dict[str, Accounts]:
+    accounts: dict[str, Accounts] = {}
     channels: dict[tuple[str, str], int] = {}
     decoder = CloudDecoder()
     for part in parts:
@@ -107,47 +108,20 @@ def _copy(parts: Iterable[Salvage], writer: BagWriter, accounts: dict[str, Accou
                          message.sequence, message.data)
             if topic.type_name == POINT_CLOUD and topic.name.split('/')[-1] == 'impacts':
                 account = accounts.setdefault(topic.name, Accounts())
-                try:
+                # A message without EVENT is copied as it is, and not counted.
+                with contextlib.suppress(ValueError):
                     account.take(decoder.events(message.data))
-                except ValueError:
-                    # No EVENT in it: copied as it is, and not counted.
-                    continue
+    return accounts
 
 
 def _find(path: Path) -> list[Path]:
-    if not path.exists():
-        raise BagError(f'{path}: does not exist')
     if not path.is_dir():
-        return [path]
+        return find_files(path)
     files = sorted(path.glob('*.mcap'), key=lambda file: (len(file.name), file.name))
-    try:
-        listed = [path / name for name in file_names(path)]
-    except (BagError, OSError):
-        listed = []
-    # What metadata.yaml does not know of, or wrongly, is part of it all the same.
-    ordered = [file for file in listed if file in files]
-    ordered += [file for file in files if file not in ordered]
-    if not ordered:
+    if not files:
         raise BagError(f'{path}: has no .mcap file')
-    return ordered
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Recover a bag."""
-    parser = Parser(prog='recover', description=(
-        'Copy everything that can still be read of a cut or damaged bag into a new one with an '
-        'index, and say what is missing. The bag itself is never touched.'))
-    parser.add_argument('bag', metavar='BAG', type=Path, help='bag directory or .mcap file')
-    parser.add_argument('output', nargs='?', metavar='OUTPUT', type=Path,
-                        help='bag directory to make; default: BAG_recovered beside it')
-    given = parser.parse_args(arguments)
-    bag = Path(given.bag)
-    output = given.output or bag.resolve().with_name(f'{bag.resolve().stem}_recovered')
-
-    def run() -> int:
-        for line in recover(bag, output).describe():
-            print(line)
-        print(output)
-        return 0
-
-    return attempt('recover', run)
+    listed: list[Path] = []
+    # Files that metadata.yaml does not name, or names wrongly, belong to the bag all the same.
+    with contextlib.suppress(BagError, OSError):
+        listed = [file for file in find_files(path) if file in files]
+    return listed + [file for file in files if file not in listed]

@@ -1,12 +1,13 @@
 """Everything of an .mcap file that can still be read, whatever happened to the rest."""
 
 from collections.abc import Iterator
+import contextlib
 import dataclasses
 from io import BytesIO
 import mmap
 from pathlib import Path
 import struct
-from typing import Final
+from typing import Any, Final
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -20,18 +21,18 @@ from .topics import BagError, Topic
 
 # Opcode and length in front of a record.
 _HEAD: Final = 9
-# Least length of a message [byte].
+# Least length of a message.
 _MESSAGE: Final = 22
-# A chunk that claims to hold more than this is none [byte].
+# A chunk that claims to hold more than this is taken for noise.
 _LARGEST_CHUNK: Final = 2**30
-_COMPRESSIONS: Final = ('zstd', 'lz4', '')
+_COMPRESSIONS: Final = (b'zstd', b'lz4', b'')
 # Length of a footer and of the magic behind it.
 _FOOTER: Final = _HEAD + 20 + len(MCAP0_MAGIC)
 
 
 @dataclasses.dataclass(frozen=True)
 class Damage:
-    """A stretch of a file from which nothing was read: from byte `start` to before `end`."""
+    """The bytes of a file, from `start` to before `end`, from which nothing was read."""
 
     start: int
     end: int
@@ -39,42 +40,23 @@ class Damage:
 
 class Salvage:
     """
-    What is left of an .mcap file.
+    What is left of an .mcap file, which is only read; BagError if it cannot be read at all.
 
     Its chunks are found by their own heads and proved by their checksums, so neither the index
-    nor the records in between are needed.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which is only read.
-
-    Attributes
-    ----------
-    damages : list of Damage
-        Where nothing could be read, in order.
-    is_closed : bool
-        Whether it has its end.
-    nameless : int
-        Messages whose topic is described nowhere in the file; counted by `messages`.
-
-    Raises
-    ------
-    BagError
-        If it cannot be read at all.
-
+    nor the records in between are needed. `damages` are where nothing could be read, in order;
+    `is_closed` is whether the file has its end; `nameless` counts the messages whose topic is
+    described nowhere in the file, once `messages` has been read.
     """
 
     def __init__(self, path: Path) -> None:
         self.damages: list[Damage] = []
         self.is_closed = False
         self.nameless = 0
-        self._path = path
+        # Messages outside of chunks have no checksum: they count in a file without chunks only.
+        self._chunks: list[int] = []
+        self._loose: list[int] = []
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._chunks: list[int] = []
-        # Messages outside of chunks have no checksum: they count in a file without chunks only.
-        self._loose: list[int] = []
         try:
             with path.open('rb') as stream:
                 size = stream.seek(0, 2)
@@ -87,83 +69,61 @@ class Salvage:
     def messages(self) -> Iterator[tuple[Topic, mcap.records.Message]]:
         """Yield the messages that are left, in the order of the file."""
         self.nameless = 0
-        topics = {}
-        for number, channel in self._channels.items():
-            schema = self._schemas.get(channel.schema_id)
-            if schema is not None:
-                topics[number] = describe_topic(channel, schema)
+        topics = {number: describe_topic(channel, self._schemas[channel.schema_id])
+                  for number, channel in self._channels.items()
+                  if channel.schema_id in self._schemas}
         for place in self._chunks or self._loose:
             for record in self._read(place):
-                if not isinstance(record, mcap.records.Message):
-                    continue
-                topic = topics.get(record.channel_id)
-                if topic is None:
-                    self.nameless += 1
-                else:
-                    yield topic, record
+                if isinstance(record, mcap.records.Message):
+                    if topic := topics.get(record.channel_id):
+                        yield topic, record
+                    else:
+                        self.nameless += 1
 
     def _walk(self) -> None:
         data = self._data
         place = len(MCAP0_MAGIC) if data[:len(MCAP0_MAGIC)] == MCAP0_MAGIC else 0
         while place < len(data):
             end = self._end(place)
-            opcode = data[place]
-            if end is not None and opcode == Opcode.FOOTER:
+            if end is not None and data[place] == Opcode.FOOTER:
                 self.is_closed = True
-                break
-            if end is not None and opcode != Opcode.CHUNK and self._take_small(place):
-                place = end
-            elif end is not None and opcode == Opcode.CHUNK and self._take_chunk(place):
-                place = end
-            else:
-                following = self._next_chunk(place + 1)
-                self.damages.append(Damage(place, following or len(data)))
-                if following is None:
+                return
+            if end is None or not self._take(place, end):
+                end = self._next_chunk(place + 1)
+                self.damages.append(Damage(place, end or len(data)))
+                if end is None:
                     self._read_summary()
                     return
-                place = following
+            place = end
 
     def _end(self, place: int) -> int | None:
+        """Return where a record ends; None if its head or its end is not in the file."""
         if place + _HEAD > len(self._data):
             return None
-        end = place + _HEAD + self._length(place)
+        length, = struct.unpack_from('<Q', self._data, place + 1)
+        end = place + _HEAD + int(length)
         return end if end <= len(self._data) else None
 
-    def _length(self, place: int) -> int:
-        return int(struct.unpack_from('<Q', self._data, place + 1)[0])
-
-    def _take_small(self, place: int) -> bool:
-        """Take a record other than a chunk; return whether it may be one."""
+    def _take(self, place: int, end: int) -> bool:
+        """Take a record that is whole; return whether it can be one."""
         opcode = self._data[place]
-        if not Opcode.HEADER <= opcode <= Opcode.DATA_END:
-            return False
-        if opcode == Opcode.MESSAGE:
-            self._loose += [place] if self._length(place) >= _MESSAGE else []
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        if opcode in (Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL):
             try:
                 records = self._read(place)
             except BROKEN:
                 return False
-            # Those in a chunk have a checksum and come first.
+            is_chunk = opcode == Opcode.CHUNK
+            self._chunks += [place] if is_chunk else []
             for record in records:
-                if isinstance(record, Schema):
-                    self._schemas.setdefault(record.id, record)
-                elif isinstance(record, Channel):
-                    self._channels.setdefault(record.id, record)
-        return True
-
-    def _take_chunk(self, place: int) -> bool:
-        try:
-            records = self._read(place)
-        except BROKEN:
-            return False
-        for record in records:
-            if isinstance(record, Schema):
-                self._schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self._channels[record.id] = record
-        self._chunks.append(place)
-        return True
+                if isinstance(record, Schema | Channel):
+                    known: dict[int, Any] = (
+                        self._schemas if isinstance(record, Schema) else self._channels)
+                    # Those in a chunk have a checksum and come first.
+                    if is_chunk or record.id not in known:
+                        known[record.id] = record
+        elif opcode == Opcode.MESSAGE and end - place >= _HEAD + _MESSAGE:
+            self._loose.append(place)
+        return bool(Opcode.HEADER <= opcode <= Opcode.DATA_END)
 
     def _read(self, place: int) -> list[McapRecord]:
         end = self._end(place)
@@ -180,14 +140,10 @@ class Salvage:
 
     def _next_chunk(self, place: int) -> int | None:
         """Find the next place that has a sound head of a chunk and its checksum."""
-        data = self._data
-        while (place := data.find(bytes([Opcode.CHUNK]), place)) >= 0:
+        while (place := self._data.find(bytes([Opcode.CHUNK]), place)) >= 0:
             if self._looks_like_chunk(place):
-                try:
+                with contextlib.suppress(*BROKEN):
                     self._read(place)
-                except BROKEN:
-                    pass
-                else:
                     return place
             place += 1
         return None
@@ -197,16 +153,14 @@ class Salvage:
         if end is None or place + _HEAD + 40 > end:
             return False
         start, last, size, _, letters = struct.unpack_from('<QQQII', self._data, place + _HEAD)
+        if start > last or not 0 < size <= _LARGEST_CHUNK or letters > 4:
+            return False
         text = place + _HEAD + 32
-        if start > last or not 0 < size <= _LARGEST_CHUNK or letters > 4 or text + letters > end:
-            return False
         length_place = text + letters
-        if self._data[text:length_place] not in [name.encode() for name in _COMPRESSIONS]:
+        if length_place + 8 > end or self._data[text:length_place] not in _COMPRESSIONS:
             return False
-        if length_place + 8 > end:
-            return False
-        length = int(struct.unpack_from('<Q', self._data, length_place)[0])
-        return length == end - length_place - 8
+        length, = struct.unpack_from('<Q', self._data, length_place)
+        return bool(length == end - length_place - 8)
 
     def _read_summary(self) -> None:
         """Learn the topics from the end of a file that is damaged in front of it."""
@@ -216,8 +170,7 @@ class Salvage:
         self.is_closed = True
         footer = Footer.read(ReadDataStream(BytesIO(self._data[place + _HEAD:])))
         begin = int(footer.summary_start)
-        while 0 < begin < place:
-            end = self._end(begin)
-            if end is None or not self._take_small(begin):
-                return
+        while 0 < begin < place and (end := self._end(begin)) is not None:
+            if self._data[begin] in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._take(begin, end)
             begin = end

@@ -1,11 +1,11 @@
-"""What a bag knows about a topic."""
+"""Topics as a bag describes them, and how many messages there are on each."""
 
 from collections.abc import Callable, Mapping
 import dataclasses
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-# One quality of service, with the keys and words of rosbag2.
+# A quality of service, with the keys and words of rosbag2.
 Qos: TypeAlias = Mapping[str, Any]
 
 _LINE: Final = 80 * '='
@@ -31,22 +31,36 @@ class Topic:
     encoding: str = 'ros2msg'
 
 
+@dataclasses.dataclass
+class Contents:
+    """The topics of a file, its messages on each, and the log times of the first and the last."""
+
+    topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
+    counts: dict[str, int] = dataclasses.field(default_factory=dict)
+    # As rosbag2 has it where there is no message.
+    start: int = 2**63 - 1
+    end: int = 0
+    is_indexed: bool = False
+
+    @property
+    def total(self) -> int:
+        return sum(self.counts.values())
+
+    def announce(self, topic: Topic) -> None:
+        self.topics.setdefault(topic.name, topic)
+        self.counts.setdefault(topic.name, 0)
+
+    def count(self, name: str, log_time: int) -> None:
+        self.counts[name] += 1
+        self.start = min(self.start, log_time)
+        self.end = max(self.end, log_time)
+
+
 def message_definition(type_name: str, share: Callable[[str], str]) -> str:
     """
-    Return the definition of a message type followed by those of all that it is made of.
+    Return the definition of a message type and of all its parts, as MCAP's ros2msg divides them.
 
-    Parameters
-    ----------
-    type_name : str
-        Such as ``sensor_msgs/msg/PointCloud2``.
-    share : callable
-        From the name of a package to its share directory.
-
-    Returns
-    -------
-    str
-        Definitions in the language of .msg files, divided as MCAP's ros2msg wants it.
-
+    `share` returns the share directory of a package.
     """
     seen: list[str] = []
     texts: list[str] = []
@@ -67,9 +81,7 @@ def _parts(text: str, package: str) -> list[str]:
     names = []
     for line in text.splitlines():
         words = line.split('#', 1)[0].split()
-        if len(words) < 2:
-            continue
-        kind = words[0].split('[', 1)[0].split('<=', 1)[0]
+        kind = words[0].split('[', 1)[0].split('<=', 1)[0] if len(words) > 1 else 'bool'
         if kind not in _BASIC:
             names.append(_short(kind) if '/' in kind else f'{package}/{kind}')
     return names

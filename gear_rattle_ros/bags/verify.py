@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import dataclasses
-import functools
 import itertools
 from pathlib import Path
 import time
@@ -13,9 +12,8 @@ from typing import Final
 import numpy as np
 
 from . import Bag, CloudDecoder
+from .cdr import Named, read_diagnostics, read_joint_state
 from .recomputed import Exponents, Transients
-from .small_messages import Named, read_diagnostics, read_joint_state
-from ..cli.refusal import attempt, Parser
 from ..core.flight.fingerprint import fingerprint
 from ..core.model import EVENT, EventArray
 from ..core.stream.guard import Hole, StreamGuard
@@ -29,14 +27,14 @@ _GROUP: Final = 64
 @dataclasses.dataclass(frozen=True)
 class Verdict:
     """
-    What a bag has proved to be.
+    Whether a bag is verified, and what was found in it; its text is a report.
 
     `flights` were rebuilt from one record to the next; `exponents` and `transients` were found
     again, bit for bit, but for those `beyond` that rest on events which are not in the bag.
     `imbalance` is the largest difference of the mean force of the walls from what it must be, at
     the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
     record or report that does not follow from the events before it, `kernels` the fingerprints
-    that the simulators told.
+    that the simulators reported.
     """
 
     events: int
@@ -61,106 +59,84 @@ class Verdict:
         """Whether there are events, all follow, and none is missing between them."""
         return bool(self.events) and not (self.fault or self.holes or self.anew)
 
-    def describe(self) -> str:
-        """Put the verdict in one line, and a line more for every hole."""
+    def __str__(self) -> str:
+        """Report the verdict in one line, and every hole in a line more."""
         seen = (f'{counted(self.events, "event")} ({counted(self.impacts, "impact")}, '
                 f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
                 f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')
         again = (f'{counted(self.exponents, "estimate")} and '
                  f'{counted(self.transients, "transient report")} found again, '
                  f'impulse balance within {self.imbalance:.1e}')
-        notes = ''
-        if self.beyond:
-            notes += f', {self.beyond} more rest on what is not in the bag'
-        if not self.is_whole:
-            notes += '; the bag was not closed properly'
-        end = f'{self.seconds:.2f} s ({self.events / max(self.seconds, 1e-9):.2g} events/s)'
+        notes = f', {self.beyond} more rest on what is not in the bag' if self.beyond else ''
+        notes += '' if self.is_whole else '; the bag was not closed properly'
+        found = (f'{seen}, {again}{notes}; {self.seconds:.2f} s '
+                 f'({self.events / max(self.seconds, 1e-9):.2g} events/s)')
         if self.is_verified:
-            return f'verified: {seen}, {again}{notes}; {end}'
+            return f'verified: {found}'
         if self.fault:
             return f'not verified: {self.fault}{self._other_kernels()}'
         if not self.events:
             return 'not verified: there are no events'
         number = len(self.holes) + len(self.anew)
-        lines = [f'not verified: {counted(number, "hole")}, what is between '
-                 f'them follows: {seen}, {again}{notes}; {end}']
+        lines = [f'not verified: {counted(number, "hole")}, what is between them follows: {found}']
         lines += [f'  missing: {hole.describe()}' for hole in self.holes]
         lines += [f'  the numbers begin anew at impact {hole.before[0]}, epoch {hole.before[1]}, '
                   f'behind impact {hole.after[0]}, epoch {hole.after[1]}' for hole in self.anew]
         return '\n'.join(lines)
 
+    __repr__ = __str__
+
     def _other_kernels(self) -> str:
         here = fingerprint()
-        if not self.kernels:
-            return f'; the bag does not say which kernels recorded it (these are {here})'
         others = sorted(self.kernels - {here})
         if others:
             return (f'; it was recorded with other kernels ({", ".join(others)}) than these '
                     f'({here}): verify it with the version that recorded it')
-        return ''
+        return '' if self.kernels else (
+            f'; the bag does not say which kernels recorded it (these are {here})')
 
 
-def verify(path: Path, topic: str = '') -> Verdict:
+def verify(path: str | Path, topic: str = '') -> Verdict:
     """
-    Verify a bag; BagError where it cannot be read or has no such topic.
+    Verify a bag; BagError if it cannot be read or has no such topic.
 
-    Without `topic`, the events are those of the one whose last part is ``impacts``; the exponents
-    and transients are those beside it.
+    Without `topic`, the events are on the one whose last part is ``impacts``; the exponents and
+    transients are those beside it.
     """
     began = time.monotonic()
     bag = Bag(path)
     impacts = bag.find_impacts(topic)
     beside = impacts.rpartition('/')[0]
-    told = _read(bag, {
+    estimates, reports, statuses = _read(bag, {
         f'{beside}/lyapunov': lambda data: [read_joint_state(data)],
         f'{beside}/transient': read_diagnostics,
         '/diagnostics': read_diagnostics,
     })
-    exponents, transients = Exponents(told[0]), Transients(told[1])
-    kernels = {status.values['kernels'] for status in told[2] if 'kernels' in status.values}
-    steps = _Steps(impacts)
-    analyses = _Analyses(exponents, transients)
-    # Both let go of the interpreter where the time is spent.
+    exponents, transients = Exponents(estimates), Transients(reports)
+    kernels = {status.values['kernels'] for status in statuses if 'kernels' in status.values}
+    succession, guard = Succession(), StreamGuard()
+    source, fault = _batches(bag, impacts), ''
+    # Both release the interpreter's lock where the time is spent.
     with ThreadPoolExecutor(1) as pool:
-        for batches in _grouped(_batches(bag, impacts)):
-            checking = pool.submit(steps.take, batches)
-            analyses.take(batches)
-            checking.result()
-            if steps.fault or analyses.has_failed:
+        while batches := list(itertools.islice(source, _GROUP)):
+            checking = pool.submit(_first_fault, succession, impacts, batches)
+            _recompute(exponents, transients, guard, batches)
+            fault = checking.result()
+            if fault or exponents.fault or transients.fault:
                 break
-    analyses.end_stamp()
-    succession = steps.succession
-    tallies = exponents.finish(), transients.finish()
+    exponents.finish()
+    transients.finish()
     return Verdict(
         succession.events, succession.impacts, succession.kicked, succession.flights,
-        succession.epochs, succession.runs, tallies[0].found, tallies[1].found,
-        sum(tally.beyond for tally in tallies), exponents.imbalance, tuple(succession.holes),
-        tuple(succession.anew),
-        steps.fault or tallies[0].fault or tallies[1].fault, frozenset(kernels), bag.is_whole,
-        time.monotonic() - began)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Verify bags."""
-    parser = Parser(prog='verify', description=(
-        'Rebuild every flight of a recorded run from the bag alone, find each event again bit for '
-        'bit, and recompute the exponents and transients that were recorded live.'))
-    parser.add_argument('bags', nargs='+', metavar='BAG', type=Path,
-                        help='bag directory or .mcap file')
-    parser.add_argument('--topic', default='', help='of the events; default: the only .../impacts')
-    given = parser.parse_args(arguments)
-
-    def one(path: Path) -> int:
-        verdict = verify(path, given.topic)
-        print(f'{path}: {verdict.describe()}', flush=True)
-        return 0 if verdict.is_verified else 1
-
-    return max(attempt('verify', functools.partial(one, path)) for path in given.bags)
+        succession.epochs, succession.runs, exponents.found, transients.found,
+        exponents.beyond + transients.beyond, exponents.imbalance, tuple(succession.holes),
+        tuple(succession.anew), fault or exponents.fault or transients.fault,
+        frozenset(kernels), bag.is_whole, time.monotonic() - began)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Batch:
-    """A message with its events, or with why it has none."""
+    """The events of a message, or the reason why it has none."""
 
     number: int
     stamp: int
@@ -168,78 +144,45 @@ class _Batch:
     fault: str
 
 
-class _Steps:
-    """The flights from one record to the next."""
-
-    def __init__(self, topic: str) -> None:
-        self.succession = Succession()
-        self.fault = ''
-        self._topic = topic
-
-    def take(self, batches: Sequence[_Batch]) -> None:
-        for batch in batches:
-            where = f'message {batch.number} of {self._topic}'
-            if batch.fault:
-                self.fault = f'{where}: {batch.fault}'
-                return
-            wrong = self.succession.take(batch.events)
-            if wrong is not None:
-                place = f'record {wrong.place} of {where}' if wrong.place >= 0 else \
-                    f'the last record before {where}'
-                self.fault = f'{place}, impact {wrong.index}, epoch {wrong.epoch}: {wrong.what}'
-                return
+def _first_fault(succession: Succession, topic: str, batches: Sequence[_Batch]) -> str:
+    """Rebuild the flights from one record to the next, and report the first that fails."""
+    for batch in batches:
+        where = f'message {batch.number} of {topic}'
+        if batch.fault:
+            return f'{where}: {batch.fault}'
+        wrong = succession.take(batch.events)
+        if wrong is not None:
+            place = f'record {wrong.place} of' if wrong.place >= 0 else 'the last record before'
+            return f'{place} {where}, impact {wrong.index}, epoch {wrong.epoch}: {wrong.what}'
+    return ''
 
 
-class _Analyses:
-    """The exponents and transients, and where a stretch of the stream begins for them."""
-
-    def __init__(self, exponents: Exponents, transients: Transients) -> None:
-        self._exponents = exponents
-        self._transients = transients
-        self._guard = StreamGuard()
-        self._stamp: int | None = None
-
-    @property
-    def has_failed(self) -> bool:
-        return bool(self._exponents.tally.fault or self._transients.tally.fault)
-
-    def take(self, batches: Sequence[_Batch]) -> None:
-        for batch in batches:
-            if batch.fault or self.has_failed:
-                return
-            if not len(batch.events):
-                continue
-            if batch.stamp != self._stamp:
-                self.end_stamp()
-                self._stamp = batch.stamp
-            is_first = not self._guard.split(batch.events)[0].follows
-            self._exponents.take(batch.events, batch.stamp, is_first)
-            self._transients.take(batch.events, batch.stamp, is_first)
-
-    def end_stamp(self) -> None:
-        if self._stamp is not None:
-            self._transients.end_stamp(self._stamp)
+def _recompute(exponents: Exponents, transients: Transients, guard: StreamGuard,
+               batches: Sequence[_Batch]) -> None:
+    """Recompute the exponents and transients, anew behind every hole, up to the first fault."""
+    for batch in batches:
+        if batch.fault or exponents.fault or transients.fault:
+            return
+        if len(batch.events):
+            is_first = not guard.split(batch.events)[0].follows
+            exponents.take(batch.events, batch.stamp, is_first)
+            transients.take(batch.events, batch.stamp, is_first)
 
 
 def _batches(bag: Bag, topic: str) -> Iterator[_Batch]:
     decoder = CloudDecoder()
     for number, message in enumerate(bag.messages([topic])):
         try:
-            stamp = decoder.parse(message.data).stamp
-            yield _Batch(number, stamp, decoder.events(message.data), '')
+            cloud = decoder.parse(message.data)
+            yield _Batch(number, cloud.stamp, cloud.events(), '')
         except ValueError as error:
             yield _Batch(number, 0, np.empty(0, EVENT), str(error))
-
-
-def _grouped(batches: Iterator[_Batch]) -> Iterator[list[_Batch]]:
-    while group := list(itertools.islice(batches, _GROUP)):
-        yield group
 
 
 def _read(bag: Bag, decoders: Mapping[str, Callable[[bytes], list[Named]]]) -> list[list[Named]]:
     found: dict[str, list[Named]] = {name: [] for name in decoders}
     for message in bag.messages([name for name in decoders if name in bag.topics]):
-        # Of another type under the same name, it is nothing that can be recomputed.
+        # A message of another type under the same name cannot be recomputed.
         with contextlib.suppress(ValueError):
             found[message.topic] += decoders[message.topic](message.data)
     return list(found.values())

@@ -1,24 +1,24 @@
-"""Writing a bag that stays readable while it grows."""
+"""Writing a bag directory that stays readable while it grows."""
 
 from collections.abc import Iterator
 import contextlib
 from pathlib import Path
 
 from . import metadata
-from .bag_file import BagFile, COMPRESSIONS
-from .topics import BagError, Topic
-
-__all__ = ['BagWriter', 'COMPRESSIONS']
+from .bag_file import BagFile
+from .topics import BagError, Contents, Topic
 
 
 class BagWriter:
     """
     A bag directory with .mcap files, of the layout that rosbag2 of Jazzy writes.
 
+    What cannot be written raises BagError; `abandon` then keeps what was written before.
+
     Parameters
     ----------
-    directory : Path
-        To be made.
+    directory : str or Path
+        A new directory.
     compression : str
         Of the chunks: zstd, lz4 or none.
     largest, longest : int
@@ -30,23 +30,18 @@ class BagWriter:
     messages : int
         Messages written, those in the open chunk included.
 
-    Raises
-    ------
-    BagError
-        If the directory exists or cannot be made.
-
     """
 
-    def __init__(self, directory: Path, compression: str = 'zstd', *, largest: int = 0,
+    def __init__(self, directory: str | Path, compression: str = 'zstd', *, largest: int = 0,
                  longest: int = 0) -> None:
-        self.directory = directory
+        self.directory = directory = Path(directory)
         self.messages = 0
         self._compression = compression
         self._largest = largest
         self._longest = longest
         self._topics: list[Topic] = []
-        # The files that are finished, and their length [byte].
-        self._finished: list[metadata.Part] = []
+        # The files that are finished, and their length.
+        self._finished: dict[str, Contents] = {}
         self._finished_size = 0
         try:
             directory.mkdir(parents=True)
@@ -64,20 +59,7 @@ class BagWriter:
         return self._finished_size + self._file.size
 
     def add_topic(self, topic: Topic) -> int:
-        """
-        Announce a topic.
-
-        Parameters
-        ----------
-        topic : Topic
-            With everything a reader needs.
-
-        Returns
-        -------
-        int
-            The channel, for `write`.
-
-        """
+        """Announce a topic and return its channel, for `write`."""
         with self._guarded():
             channel = self._file.add_topic(topic)
         self._topics.append(topic)
@@ -86,105 +68,47 @@ class BagWriter:
     def write(self, channel: int, log_time: int, publish_time: int, sequence: int,
               data: bytes) -> None:
         """
-        Add a message.
+        Add a serialized message, received at `log_time` and sent at `publish_time` [ns].
 
-        Parameters
-        ----------
-        channel : int
-            As `add_topic` returned it.
-        log_time, publish_time : int
-            When it was received and sent [ns].
-        sequence : int
-            Its number in the publisher's counting; taken modulo 2^32.
-        data : bytes
-            The serialized message.
-
-        Raises
-        ------
-        BagError
-            If the file cannot be written; see `abandon`.
-
+        `sequence` is its number in the publisher's counting, taken modulo 2^32.
         """
         with self._guarded():
             if (0 < self._largest <= self._file.size
-                    or 0 < self._longest <= log_time - self._file.start):
+                    or 0 < self._longest <= log_time - self._file.written.start):
                 self._split()
             self._file.write(channel, log_time, publish_time, sequence, data)
         self.messages += 1
 
     def flush(self) -> None:
-        """
-        Close the open chunk and hand everything to the operating system.
-
-        Raises
-        ------
-        BagError
-            If the file cannot be written.
-
-        """
+        """Close the open chunk and hand everything to the operating system."""
         with self._guarded():
             self._file.flush()
 
     def sync(self) -> None:
-        """
-        Wait until the disk has what the operating system was given; any thread may call it.
-
-        Raises
-        ------
-        BagError
-            If the disk cannot take it.
-
-        """
+        """Wait until the disk has what the operating system was given; any thread may call it."""
         with self._guarded():
             self._file.sync()
 
     def write_metadata(self) -> None:
-        """
-        Bring metadata.yaml up to what a reader of the files would find now.
-
-        Raises
-        ------
-        BagError
-            If it cannot be written.
-
-        """
+        """Bring metadata.yaml up to what a reader of the files would find now."""
         with self._guarded():
-            self._write_metadata()
+            metadata.write(self.directory, metadata.document(self._files()))
 
     def close(self) -> None:
-        """
-        Write the index and the final metadata.yaml.
-
-        Raises
-        ------
-        BagError
-            If the file cannot be written; what it held before stays readable.
-
-        """
+        """Write the index and the final metadata.yaml."""
         with self._guarded():
             self._file.finish(self._finished)
-            self._write_metadata()
+            self.write_metadata()
 
     def abandon(self) -> int:
-        """
-        After an error: cut off what was written in part, so that the rest stays readable.
-
-        Returns
-        -------
-        int
-            Messages that are kept.
-
-        """
+        """After an error, cut off what was written in part; return how many messages are kept."""
         self._file.abandon()
-        with contextlib.suppress(OSError):
-            self._write_metadata()
-        return int(metadata.document(self._parts())['message_count'])
+        with contextlib.suppress(BagError):
+            self.write_metadata()
+        return sum(contents.total for contents in self._files().values())
 
-    def _parts(self) -> list[metadata.Part]:
-        return [*self._finished, self._file.part()]
-
-    def _write_metadata(self) -> None:
-        metadata.write(self.directory, metadata.document(self._parts()))
+    def _files(self) -> dict[str, Contents]:
+        return {**self._finished, self._file.path.name: self._file.settled}
 
     def _new_file(self, number: int) -> BagFile:
         return BagFile(self.directory / f'{self._name}_{number}.mcap', self._compression)
@@ -194,11 +118,11 @@ class BagWriter:
         following = self._new_file(len(self._finished) + 1)
         for topic in self._topics:
             following.add_topic(topic)
-        self._finished.append(self._file.part())
+        self._finished = self._files()
         self._finished_size += self._file.size
         self._file = following
         # Before there is anything in the new file: readers go by its name in there.
-        self._write_metadata()
+        self.write_metadata()
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:

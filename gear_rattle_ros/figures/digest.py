@@ -1,4 +1,4 @@
-"""What a picture of a whole run needs, gathered batch by batch in bounded memory."""
+"""Gather what a picture of a whole run needs, batch by batch in bounded memory."""
 
 from collections.abc import Iterable, Iterator
 import dataclasses
@@ -65,7 +65,7 @@ class Thinned:
 
 @dataclasses.dataclass(frozen=True)
 class Word:
-    """What the trajectory was found to do at an impact, and the alpha then [1]."""
+    """An orbit or transient found at an impact, and the alpha then [1]."""
 
     impact: int
     alpha: float
@@ -74,11 +74,11 @@ class Word:
 
 class Digest:
     """
-    A run in bounded memory: impacts, retunes, exponents, what the trajectory did, its last motion.
+    A run in bounded memory: impacts, retunes, exponents, orbits and transients, the last motion.
 
-    `changes` are the first event, retunes and resets; `words` the first few things that the
-    trajectory was found to do and the last few; `infinite` says why an exponent was infinite when
-    last looked at; `tail` are the last events that have no hole between them. Finite-time
+    `changes` are the first event, retunes and resets; `words` the first few and the last few
+    orbits and transients; `infinite` is the reason why the last exponent is infinite; `tail` are
+    the last events that have no hole between them. Finite-time
     exponents are over `window` impacts.
     """
 
@@ -116,7 +116,7 @@ class Digest:
         self.changes.add(rows[begins])
         whole = np.concatenate([self.tail, events]) if piece.follows else events
         self.tail = whole[-TAIL:].copy()
-        # An average ends at every retune: its last value belongs into the picture as well.
+        # An average ends at every retune: its last value belongs in the picture as well.
         for part in np.split(events, np.flatnonzero(events['kind'] >= EventKind.RETUNE)):
             if len(part):
                 self._follow(part, place)
@@ -135,7 +135,7 @@ class Digest:
             back = (int(place.event['index']) - (
                 report.start if is_transient else report.index)) % 2**32
             alpha = float(events['alpha'][-1])
-            # What is said of a transient again takes the place of what was said before.
+            # A later report of the same transient replaces the earlier one.
             last = self.words[-1].report if self.words else None
             if is_transient and last and (last.regime, last.start) == (
                     report.regime, report.start):

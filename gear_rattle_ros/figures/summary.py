@@ -16,8 +16,6 @@ import numpy as np
 
 from .digest import Digest, digest_of, in_words, RowArray
 from .style import phase_ticks, thousands, VELOCITY_LABEL
-from ..bags import Bag, BagError
-from ..cli.refusal import attempt, Parser
 from ..core.arrays import FloatArray
 from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State
@@ -27,13 +25,13 @@ from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 
 WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
 TWO_PI = 2.0 * math.pi
-# s(tau) is drawn over so many drive periods.
+# s(tau) is drawn over this many drive periods.
 PERIODS: Final = 6
-# The running exponent says nothing before so many impacts.
+# The running exponent is not drawn before this many impacts.
 IMPACTS_LEAST: Final = 30
 # More retunes than this are a ramp: no line for each.
 LINES_MOST: Final = 20
-# So many lines of words fit below the section.
+# This many lines of words fit below the section.
 WORDS_ROWS: Final = 8
 MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
@@ -60,7 +58,7 @@ def draw(digest: Digest, name: str) -> Figure:
 
 
 def title_of(digest: Digest, name: str) -> str:
-    """Say what was recorded."""
+    """Return the name, length and parameters of a run in one line."""
     assert digest.place is not None
     first, event = digest.changes.rows[0], digest.place.event
     periods = digest.place.drive_time - first['drive_time']
@@ -97,11 +95,11 @@ def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
 
 
 def draw_words(axes: Axes, digest: Digest) -> None:
-    """Write what the trajectory was found to do."""
+    """Write the orbits and transients that were found."""
     axes.axis('off')
     first, *lines = [textwrap.fill(in_words(word), 100, subsequent_indent='    ')
                      for word in digest.words]
-    # The first and the last matter most.
+    # The first and the last lines matter most.
     if len('\n'.join([first, *lines]).splitlines()) > WORDS_ROWS:
         while len('\n'.join([first, '...', *lines]).splitlines()) > WORDS_ROWS:
             del lines[0]
@@ -197,31 +195,6 @@ def prepare() -> None:
     """Load kernels, fonts and layouts by drawing a short trajectory to nowhere."""
     events = Simulation(Parameters(), State()).advance(100, 0.0, 1000)
     draw(digest_of([events]), 'nothing').savefig(io.BytesIO(), dpi=10)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command `summary BAG [--output FILE.png]`."""
-    parser = Parser('summary', description='Make one picture of a bag.')
-    parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
-    parser.add_argument('--output', type=Path, metavar='FILE.png',
-                        help='the picture; by default summary.png beside the bag')
-    given = parser.parse_args(arguments)
-    output = given.output or given.bag.resolve().parent / 'summary.png'
-
-    def run() -> int:
-        at = given.bag
-        try:
-            digest = digest_of(Bag(given.bag).events())
-            at = output
-            save(draw(digest, given.bag.resolve().name), output)
-        except BagError:
-            raise
-        except ValueError as error:
-            raise ValueError(f'{at}: {error}') from error
-        print(output)
-        return 0
-
-    return attempt('summary', run)
 
 
 def _spread(values: FloatArray) -> tuple[float, float]:

@@ -9,12 +9,20 @@ from bag_maker import batches, make_bag, START, states, STEP, story, topic, TYPE
 from hypothesis import given, settings, strategies
 from mcap.reader import make_reader, NonSeekingReader
 import numpy as np
+import pandas
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 import yaml
 
-from gear_rattle_ros.bags import Bag, BagError, BagWriter, CloudDecoder, message_definition
+from gear_rattle_ros.bags import (
+    Bag,
+    BagError,
+    BagWriter,
+    CloudDecoder,
+    message_definition,
+    read_bag,
+)
 from gear_rattle_ros.bags.recover import recover
 from gear_rattle_ros.core.model import EVENT, impact_count
 
@@ -215,7 +223,7 @@ def test_a_bag_of_several_files(tmp_path: Path, splits: dict[str, int]) -> None:
 
 
 @pytest.mark.parametrize('moment', ['BagFile.finish', 'BagFile.__init__', 'BagFile.add_topic',
-                                    'BagWriter._write_metadata'])
+                                    'BagWriter.write_metadata'])
 @pytest.mark.parametrize('is_killed', [True, False])
 def test_nothing_is_lost_between_two_files(
         tmp_path: Path, moment: str, is_killed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,6 +244,44 @@ def test_nothing_is_lost_between_two_files(
     if not is_killed:
         assert writer.abandon() == 10
     assert [message.data for message in Bag(tmp_path / 'bag').messages()] == CLOUDS[:10]
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_bag_becomes_a_table(bag: Path, tmp_path: Path) -> None:
+    """One array of a directory or a file; pandas and rosbags find the same columns."""
+    found = read_bag(str(bag))
+    assert found.dtype == EVENT and found.tobytes() == EVENTS.tobytes()
+    assert read_bag(bag / 'whole_0.mcap', topic='/impacts').tobytes() == EVENTS.tobytes()
+    table = pandas.DataFrame(found)
+    with AnyReader([bag]) as reader:
+        clouds = [columns_of(reader.deserialize(data, connection.msgtype))
+                  for connection, _, data in reader.messages() if connection.topic == '/impacts']
+    assert tuple(table.columns) == EVENT.names
+    for name, column in table.items():
+        expected = np.concatenate([cloud[name] for cloud in clouds])
+        assert column.dtype == expected.dtype
+        np.testing.assert_array_equal(column.to_numpy(), expected)
+    with pytest.raises(BagError, match='has no topic /nothing'):
+        read_bag(bag, topic='/nothing')
+    make_bag(tmp_path / 'empty', [])
+    assert read_bag(tmp_path / 'empty').shape == (0,)
+
+
+def test_what_is_missing_of_a_table_is_a_warning(bag: Path, tmp_path: Path) -> None:
+    """A hole, a new beginning and a file that was cut off; what is there is returned."""
+    make_bag(tmp_path / 'holed', [*CLOUDS[:3], *CLOUDS[5:8], CLOUDS[0]])
+    with pytest.warns(UserWarning) as caught:
+        found = read_bag(tmp_path / 'holed')
+    assert found['index'].tolist() == [
+        *EVENTS['index'][:300], *EVENTS['index'][500:800], *EVENTS['index'][:100]]
+    hole = f'{EVENTS["index"][300]} to {EVENTS["index"][499]} (epoch 0)'
+    assert [str(warning.message) for warning in caught] == [
+        f'{tmp_path / "holed"}: 1 hole, 200 impacts missing; the last hole: 200 impacts, {hole}',
+        f'{tmp_path / "holed"}: the numbering begins anew 1 time']
+    assert {warning.filename for warning in caught} == {__file__}
+    (tmp_path / 'cut.mcap').write_bytes((bag / 'whole_0.mcap').read_bytes()[:-40])
+    with pytest.warns(UserWarning, match='was not closed properly'):
+        assert read_bag(tmp_path / 'cut.mcap').tobytes() == EVENTS.tobytes()
 
 
 @pytest.mark.parametrize('is_little', [True, False])

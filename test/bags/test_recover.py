@@ -11,7 +11,8 @@ from rosbags.highlevel import AnyReader
 import yaml
 
 from gear_rattle_ros.bags import Bag
-from gear_rattle_ros.bags.recover import main, recover
+from gear_rattle_ros.bags.recover import recover
+from gear_rattle_ros.cli.recover import main
 
 
 @pytest.fixture
@@ -55,11 +56,11 @@ def digest(path: Path) -> str:
 def test_a_whole_bag_comes_out_as_it_was(bag: Path) -> None:
     """Topics, hashes, qualities of service, times and bytes."""
     before = digest(bag)
-    told = recover(bag, bag.parent / 'new').describe()
+    report = str(recover(bag, bag.parent / 'new')).splitlines()
     assert contents(bag.parent / 'new') == contents(bag)
     assert digest(bag) == before
-    assert told == ['221 messages recovered',
-                    '/impacts: 6,001 events, from impact 0, epoch 0, to impact 5999, epoch 1']
+    assert report == ['221 messages recovered',
+                      '/impacts: 6,001 events, from impact 0, epoch 0, to impact 5999, epoch 1']
 
 
 def test_a_cut_bag_is_recovered_up_to_the_cut(bag: Path) -> None:
@@ -81,7 +82,7 @@ def test_a_cut_bag_is_recovered_up_to_the_cut(bag: Path) -> None:
         seen = len(found)
         assert recovery.unclosed == (file,)
         last = int(list(Bag(output).events())[-1]['index'][-1])
-        assert f'/impacts: what came behind impact {last} is lost' in recovery.describe()
+        assert f'/impacts: what came behind impact {last} is lost' in str(recovery)
         assert file.read_bytes() == whole[:size]
     assert seen > 150
 

@@ -10,7 +10,8 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from gear_rattle_ros.bags import BagWriter
-from gear_rattle_ros.bags.verify import main, verify
+from gear_rattle_ros.bags.verify import verify
+from gear_rattle_ros.cli.verify import main
 from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, Parameters, State
@@ -85,7 +86,7 @@ def test_a_whole_run_is_verified(tmp_path: Path, capsys: pytest.CaptureFixture[s
         log.batch(events, Time(sec=number // 3))
     log.writer.close()
     verdict = verify(tmp_path / 'bag')
-    assert verdict.is_verified, verdict.describe()
+    assert verdict.is_verified, verdict
     assert (verdict.events, verdict.flights, verdict.epochs) == (7503, 7502, 4)
     changes = TransientDetector(1e-3).update(np.concatenate(batches()))
     assert (verdict.exponents, verdict.transients) == (38, len(changes))
@@ -107,7 +108,7 @@ def test_nodes_that_come_in_late_or_again(tmp_path: Path) -> None:
         log.batch(events, Time(sec=number), number >= 2, number >= 2)
     log.writer.close()
     verdict = verify(tmp_path / 'bag')
-    assert verdict.is_verified, verdict.describe()
+    assert verdict.is_verified, verdict
     assert (verdict.exponents, verdict.beyond) == (36, 0)
 
 
@@ -118,7 +119,7 @@ def test_a_bag_that_begins_in_the_middle(tmp_path: Path) -> None:
         log.batch(events, Time(sec=number), is_recorded=number >= 4)
     log.writer.close()
     verdict = verify(tmp_path / 'bag')
-    assert verdict.is_verified, verdict.describe()
+    assert verdict.is_verified, verdict
     assert 4 <= verdict.beyond <= 35
     assert verdict.exponents >= 13
     assert verdict.transients >= 2
@@ -191,7 +192,7 @@ def test_noise_is_taken_as_recorded(tmp_path: Path) -> None:
     log.batch(story(3000), Time())
     log.writer.close()
     verdict = verify(tmp_path / 'bag')
-    assert verdict.is_verified, verdict.describe()
+    assert verdict.is_verified, verdict
     assert verdict.kicked > 2900
 
 
@@ -237,9 +238,9 @@ def test_ramps_sticking_and_noise_are_verified(tmp_path: Path, comes_in: int, be
                   is_recorded=number >= begins)
     log.writer.close()
     verdict = verify(tmp_path / 'bag')
-    assert verdict.is_verified, verdict.describe()
+    assert verdict.is_verified, verdict
     assert verdict.kicked > 1000
     assert 0.0 < verdict.imbalance < 1e-10
     if comes_in == begins == 0:
         assert verdict.beyond == 0
-    assert 'impulse balance within' in verdict.describe()
+    assert 'impulse balance within' in str(verdict)

@@ -9,6 +9,7 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
+from gear_rattle_ros.cli.summary import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
@@ -151,13 +152,13 @@ def test_command_makes_a_picture_of_a_bag(tmp_path: Path,
     """Beside the bag or where it is told to; what cannot be written is said in one line."""
     bag = tmp_path / 'bag'
     make_bag(bag, serialized(np.concatenate(story(60))))
-    assert summary.main([str(bag)]) == 0
+    assert main([str(bag)]) == 0
     assert capsys.readouterr().out == f'{tmp_path / "summary.png"}\n'
     assert imread(tmp_path / 'summary.png').shape[:2] == (1000, 1600)
-    assert summary.main([str(bag), '--output', str(tmp_path / 'no' / 'a.png')]) == 2
+    assert main([str(bag), '--output', str(tmp_path / 'no' / 'a.png')]) == 2
     assert capsys.readouterr().err == (
         f'summary: {tmp_path}/no/a.png: No such file or directory\n')
-    assert summary.main([str(bag), '--output', str(tmp_path / 'a.xyz')]) == 2
+    assert main([str(bag), '--output', str(tmp_path / 'a.xyz')]) == 2
     message = capsys.readouterr().err
     assert message.startswith(f'summary: {tmp_path}/a.xyz: ') and message.count('\n') == 1
 
@@ -171,7 +172,7 @@ def test_bad_input_is_one_line(arguments: list[str], words: str,
                                capsys: pytest.CaptureFixture[str]) -> None:
     """Exit status 2 and one line that names what is wrong."""
     try:
-        status = summary.main(arguments)
+        status = main(arguments)
     except SystemExit as exit_:
         status = exit_.code
     assert status == 2

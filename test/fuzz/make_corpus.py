@@ -9,6 +9,7 @@ from mcap.writer import CompressionType, Writer
 import readers
 
 from gear_rattle_ros.bags import metadata
+from gear_rattle_ros.bags.topics import Contents
 
 CORPUS = Path(__file__).parent / 'corpus'
 TOPIC = bag_maker.topic('/impacts', 'sensor_msgs/msg/PointCloud2')
@@ -44,7 +45,7 @@ def main() -> None:
         'cloud': b'C' + clouds[0],
         'no_points': b'C' + bag_maker.batches(bag_maker.story(2)[:1], 1)[0],
         'metadata': b'Y' + metadata.dump({'rosbag2_bagfile_information': metadata.document(
-            [metadata.Part('bag.mcap', ((TOPIC, 3),), 1, 2)])}).encode(),
+            {'bag.mcap': Contents({TOPIC.name: TOPIC}, {TOPIC.name: 3}, 1, 2)})}).encode(),
     }
     for number, document in enumerate(readers.DOCUMENTS):
         name = 'document_' + document.replace('/', '').replace('.', '_')

@@ -125,7 +125,7 @@ def test_recorded_transients_follow_from_the_recorded_events(run):
 def test_the_bag_verifies(run):
     """Every flight is rebuilt, every estimate and report found again; by the same kernels."""
     verdict = verify(run[0] / 'bag')
-    assert verdict.is_verified, verdict.describe()
+    assert verdict.is_verified, verdict
     assert verdict.flights == verdict.events - 1
     assert (verdict.exponents, verdict.beyond) == (Bag(run[0] / 'bag').counts['/lyapunov'], 0)
     assert verdict.transients == Bag(run[0] / 'bag').counts['/transient']

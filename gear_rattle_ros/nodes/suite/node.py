@@ -41,7 +41,8 @@ SUMMARY_WITHIN = 60.0
 WRITTEN_WITHIN = 30.0
 # Everything slow is loaded while the nodes run; a line says that the bag is closed.
 SUMMARISE = (
-    'import sys; from gear_rattle_ros.figures.summary import main, prepare; prepare(); '
+    'import sys; from gear_rattle_ros.cli.summary import main; '
+    'from gear_rattle_ros.figures.summary import prepare; prepare(); '
     'sys.exit(main(sys.argv[1:]) if sys.stdin.readline() else 0)')
 PLAIN_EVERY = 5.0
 

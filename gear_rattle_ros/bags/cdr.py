@@ -1,4 +1,4 @@
-"""The few small messages that a bag is checked by, in the bytes of plain CDR."""
+"""Messages in the bytes of plain CDR: a reader, and the small messages that verify compares."""
 
 from collections.abc import Mapping
 import dataclasses
@@ -8,37 +8,41 @@ from typing import Any, Final
 _HEAD: Final = 4
 
 
-class _Reader:
-    """Goes through a serialized message; alignments count from behind its head."""
+class Reader:
+    """Read a serialized message value by value; alignments count from behind its head."""
 
     def __init__(self, cdr: bytes) -> None:
         if len(cdr) < _HEAD or cdr[0] != 0 or cdr[1] > 1:
             raise ValueError('message is not in plain CDR')
+        self.place = _HEAD
         self._cdr = cdr
         self._order = '<' if cdr[1] else '>'
-        self._place = _HEAD
 
     def take(self, code: str, count: int = 1) -> tuple[Any, ...]:
+        """Return values of a type of `struct`."""
         size = struct.calcsize(code)
-        self._place += (_HEAD - self._place) % size
-        if count < 0 or self._place + size * count > len(self._cdr):
+        self.place += (_HEAD - self.place) % size
+        start = self.skip(size * count)
+        return struct.unpack_from(f'{self._order}{count}{code}', self._cdr, start)
+
+    def skip(self, size: int) -> int:
+        """Move past bytes, and return where they begin."""
+        start = self.place
+        self.place += size
+        if self.place > len(self._cdr):
             raise ValueError(f'message of {len(self._cdr)} bytes is cut off')
-        values = struct.unpack_from(f'{self._order}{count}{code}', self._cdr, self._place)
-        self._place += size * count
-        return values
+        return start
 
     def length(self) -> int:
         return int(self.take('I')[0])
 
     def text(self) -> str:
         size = self.length()
-        if self._place + size > len(self._cdr):
-            raise ValueError(f'message of {len(self._cdr)} bytes is cut off')
-        text = self._cdr[self._place:self._place + max(size - 1, 0)]
-        self._place += size
-        return bytes(text).decode('utf-8', 'replace')
+        start = self.skip(size)
+        return self._cdr[start:start + max(size - 1, 0)].decode('utf-8', 'replace')
 
     def header(self) -> int:
+        """Return the stamp of a std_msgs/Header [ns]."""
         seconds, = self.take('i')
         nanoseconds, = self.take('I')
         self.text()
@@ -47,19 +51,7 @@ class _Reader:
 
 @dataclasses.dataclass(frozen=True)
 class Named:
-    """
-    A stamp with named values.
-
-    Attributes
-    ----------
-    stamp : int
-        Time of the header [ns].
-    values : mapping
-        Numbers of a JointState by name; texts of a status by key.
-    name : str
-        Of the status; empty for a JointState.
-
-    """
+    """A stamp with the numbers of a JointState by name, or the texts of a status `name` by key."""
 
     stamp: int
     values: Mapping[str, Any]
@@ -67,26 +59,8 @@ class Named:
 
 
 def read_joint_state(cdr: bytes) -> Named:
-    """
-    Return the positions of a sensor_msgs/JointState.
-
-    Parameters
-    ----------
-    cdr : bytes
-        The message.
-
-    Returns
-    -------
-    Named
-        Floats by name.
-
-    Raises
-    ------
-    ValueError
-        If the bytes are no JointState, or names and positions do not go together.
-
-    """
-    reader = _Reader(cdr)
+    """Return the positions of a sensor_msgs/JointState by name, or raise ValueError."""
+    reader = Reader(cdr)
     stamp = reader.header()
     names = [reader.text() for _ in range(reader.length())]
     positions = reader.take('d', reader.length())
@@ -96,26 +70,8 @@ def read_joint_state(cdr: bytes) -> Named:
 
 
 def read_diagnostics(cdr: bytes) -> list[Named]:
-    """
-    Return the statuses of a diagnostic_msgs/DiagnosticArray.
-
-    Parameters
-    ----------
-    cdr : bytes
-        The message.
-
-    Returns
-    -------
-    list of Named
-        Texts by key.
-
-    Raises
-    ------
-    ValueError
-        If the bytes are no DiagnosticArray.
-
-    """
-    reader = _Reader(cdr)
+    """Return the statuses of a diagnostic_msgs/DiagnosticArray, or raise ValueError."""
+    reader = Reader(cdr)
     stamp = reader.header()
     found = []
     for _ in range(reader.length()):
