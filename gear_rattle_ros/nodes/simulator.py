@@ -1,9 +1,10 @@
-"""The simulator: publishes impact events, steered by live parameters."""
+"""The simulator: publishes impact events; its parameters can be changed while it runs."""
 
 from collections.abc import Mapping
 import dataclasses
 import math
 import time
+from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -13,9 +14,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from .base.dds_room import StreamingNode
-from .base.node import run_node
+from .base.dds_room import make_room
+from .base.node import ReportingNode
 from .base.pacing import AcknowledgedPace, ClockPace
+from .base.process import run_node
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
@@ -29,28 +31,29 @@ from ..messages import (
 from ..parameters import guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 
-# Records in one batch at the most: 62 KB, as Fast DDS cuts what is beyond 64 KB into fragments and
-# hands over torn messages where it drops one that is on its way.
+# Most records in one batch, 62 KB: Fast DDS cuts what is beyond 64 KB into fragments, and delivers
+# torn messages where it drops one on its way.
 LARGEST_BATCH = 640
-# With rate = 0 so many batches are made at one go, as going through the executor takes longer.
+# With rate = 0, batches made in one callback: going through the executor takes longer.
 BATCHES_AT_ONCE = 8
-# With rate = 0 a batch is also ended after so many drive periods: it may hold no impact at all.
+# With rate = 0, most drive periods in a batch, which may hold no impact at all.
 LONGEST_BATCH = 4096
 MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
-# How often a ramp shows in the parameter alpha [s].
+INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
+# A ramp updates the parameter alpha at these intervals [s].
 RAMP_SHOWN_EVERY = 0.25
-# Pause of a tick without anything to do at rate = 0 [s].
+# Pause at rate = 0 when there is nothing to do [s].
 IDLE = 0.005
 # How long the last batches may take to arrive when the node ends [s].
 LAST_BATCHES = 0.3
 BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
 
 
-class Simulator(StreamingNode):
-    """One trajectory, advanced in ticks; one batch of events a tick."""
+class Simulator(ReportingNode):
+    """Advances one trajectory in ticks, and publishes one batch of events a tick."""
 
-    def __init__(self) -> None:
-        super().__init__('simulator', SIMULATOR)
+    def __init__(self, **options: Any) -> None:
+        super().__init__('simulator', make_room, **options)
         values = self.values
         self._omega = self.number('omega')
         self._scale = self.number('backlash_angle')
@@ -62,7 +65,7 @@ class Simulator(StreamingNode):
         self._simulation = Simulation(
             _model(values), _initial(values), noise=self.number('noise'),
             seed=int(values['seed']))
-        # Compile, or load, every kernel before anybody waits for the first event.
+        # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
         self._outbox: list[EventArray] = []
         self._start = self.get_clock().now().nanoseconds
@@ -98,9 +101,9 @@ class Simulator(StreamingNode):
         elif self._rate == 0.0 and waiting is not None and now - waiting > 1.0:
             level, message = 'warn', f'waiting {now - waiting:.0f} s for a reader'
         elif self._rate > 0.0 and self._by_clock.lag > 0.0:
-            level, message = 'warn', 'slower than the rate asked for'
+            level, message = 'warn', 'slower than the requested rate'
         elif self._simulation.is_resting_for_ever:
-            message = 'at rest on a wall for ever'
+            message = 'permanently at rest on a wall'
         state = self._simulation.state
         return level, message, {
             'impacts': impacts,
@@ -115,7 +118,7 @@ class Simulator(StreamingNode):
         }
 
     def close(self) -> None:
-        """Hand out what has happened."""
+        """Publish the last events."""
         self._flush()
         self._impacts.wait_for_all_acked(Duration(seconds=LAST_BATCHES))
 
@@ -140,7 +143,7 @@ class Simulator(StreamingNode):
                     break
 
     def _run_batch(self) -> bool:
-        """Advance by one full batch, whatever the time; tell whether there was anything in it."""
+        """Advance by one full batch, whatever the time; return whether it holds any event."""
         room = LARGEST_BATCH
         first = self._simulation.moment[0]
         while room > 0 and self._simulation.moment[0] < first + LONGEST_BATCH:
@@ -153,7 +156,7 @@ class Simulator(StreamingNode):
         return True
 
     def _advance(self, periods: float) -> None:
-        """Advance by a number of drive periods, to be finished within the tick."""
+        """Advance by a number of drive periods, as far as the tick allows."""
         deadline = time.monotonic() + self.number('tick')
         cycle, phase = self._simulation.moment
         whole, fraction = divmod(phase / (2.0 * math.pi) + periods, 1.0)
@@ -165,7 +168,7 @@ class Simulator(StreamingNode):
         self._flush()
 
     def _collect(self, cycle: int, phase: float, most: int) -> int:
-        """Advance to a moment or by so many records; a ramp takes its step at a period's end."""
+        """Advance to a moment, or by `most` records; a ramp steps at the end of each period."""
         ramping = self._ramp[1] > 0.0
         period_end = (self._simulation.moment[0] + 1, 0.0)
         target = min((cycle, phase), period_end) if ramping else (cycle, phase)
@@ -193,7 +196,7 @@ class Simulator(StreamingNode):
             self.get_logger().info(f'the ramp has reached alpha = {alpha:g}')
 
     def _show(self, values: Mapping[str, float]) -> None:
-        """Make the ROS parameters say what is in force."""
+        """Set ROS parameters to the values in force."""
         self._setting = True
         try:
             self.set_parameters([
@@ -222,7 +225,7 @@ class Simulator(StreamingNode):
         driver = -alpha * math.sin(state.phase)
         driver_speed = -alpha * math.cos(state.phase)
         angle, speed = self._scale, self._scale * self._omega
-        # s = driven - driver: the driver vibrates, the driven gear is hit by it.
+        # s = driven - driver: the driver vibrates and hits the driven gear.
         self._joints.publish(joint_state({
             'driver_gear': (angle * driver, speed * driver_speed),
             'driven_gear': (angle * (state.displacement + driver),
@@ -232,12 +235,8 @@ class Simulator(StreamingNode):
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
-            _model({name: values.get(name, self._current(name)) for name in MODEL})
-        _initial({name: values.get(name, self.get_parameter(name).value) for name in (
-            'initial_phase', 'initial_displacement', 'initial_velocity')})
-
-    def _current(self, name: str) -> float:
-        return float(getattr(self._simulation.parameters, name))
+            _model(dataclasses.asdict(self._simulation.parameters) | values)
+        _initial({name: values.get(name, self.get_parameter(name).value) for name in INITIAL})
 
     def _apply(self, values: dict[str, Value]) -> None:
         if self._setting:
@@ -263,10 +262,8 @@ class Simulator(StreamingNode):
             self._timer.timer_period_ns = round(self._period() * 1e9)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        names = ('initial_phase', 'initial_displacement', 'initial_velocity', 'seed')
-        values = {name: self.get_parameter(name).value for name in names}
-        state = _initial(values)
-        self._simulation.seed = int(values['seed'])
+        state = _initial({name: self.get_parameter(name).value for name in INITIAL})
+        self._simulation.seed = int(self.get_parameter('seed').value)
         self._outbox.append(
             self._simulation.reset(state.phase, state.displacement, state.velocity))
         now = self._simulation.state
@@ -290,9 +287,7 @@ def _model(values: Mapping[str, Value]) -> Parameters:
 
 
 def _initial(values: Mapping[str, Value]) -> State:
-    return State(
-        0, float(values['initial_phase']), float(values['initial_displacement']),
-        float(values['initial_velocity']))
+    return State(0, *(float(values[name]) for name in INITIAL))
 
 
 def _words(parameters: Parameters) -> str:
@@ -301,5 +296,5 @@ def _words(parameters: Parameters) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the node; the exit status is 0, or 2 where it cannot start."""
+    """Run the node and return its exit status."""
     return run_node('simulator', Simulator, arguments)

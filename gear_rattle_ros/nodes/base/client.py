@@ -17,26 +17,28 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
+from .errors import UserError
+
 GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
 SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
                    PAUSE: SetBool}
-# How long a simulator may take to be found and to answer, on a machine that is busy too [s].
+# How long a simulator may take to be found and to answer, even on a busy machine [s].
 WITHIN: Final = 8.0
-# A service that has just been discovered may not know yet where to send its answer: ask again.
+# A service may not know yet where to send its answer when it is discovered: ask again after [s].
 AGAIN: Final = 2.0
 Then: TypeAlias = Callable[[str], object]
 
 
-class ClientError(Exception):
+class ClientError(UserError):
     """A simulator is absent, ambiguous or silent, or refuses; the message is one line."""
 
 
 class RefusalError(ClientError):
-    """The simulator is there, and refuses."""
+    """The simulator is there but refuses."""
 
 
 class SimulatorClient:
-    """Asks one thing after the other; where one fails, those that wait are given up."""
+    """Makes one request after the other; where one fails, those that wait are dropped."""
 
     def __init__(self, node: Node, simulator: str, services: Iterable[str] = SERVICES) -> None:
         self._node = node
@@ -44,7 +46,7 @@ class SimulatorClient:
             name: node.create_client(SERVICES[name], f'{simulator}/{name}') for name in services}
         self.name = node.resolve_service_name(f'{simulator}/{RESET}').removesuffix(f'/{RESET}')
         self._requests: deque[tuple[Client, Any, Callable[[Any], object]]] = deque()
-        # What is under way for the first of them: several where it was asked again.
+        # The answers awaited for the first request: several where it was repeated.
         self._answers: list[Future] = []
         self._since = 0.0
 
@@ -65,7 +67,7 @@ class SimulatorClient:
         def taken(answer: GetParameters.Response) -> None:
             for name, value in zip(names, answer.values, strict=True):
                 if value.type != ParameterType.PARAMETER_DOUBLE:
-                    raise ClientError(f'{self.name} is no simulator of gear rattling: it has no '
+                    raise ClientError(f'{self.name} is not a gear rattling simulator: it has no '
                                       f'parameter {name}')
             take({name: value.double_value
                   for name, value in zip(names, answer.values, strict=True)})
@@ -79,17 +81,17 @@ class SimulatorClient:
             lambda answer: self._judge(answer.result.successful, answer.result.reason, bool))
 
     def reset(self, then: Then = bool) -> None:
-        """Set the state to the initial one; then is given what the simulator says to it."""
+        """Reset the state to the initial condition; `then` is given the simulator's answer."""
         self._ask(RESET, Trigger.Request(), lambda answer: self._judge(
             answer.success, answer.message, then))
 
     def pause(self, paused: bool, then: Then = bool) -> None:
-        """Stop time, or let it go on."""
+        """Stop time, or let it continue."""
         self._ask(PAUSE, SetBool.Request(data=paused), lambda answer: self._judge(
             answer.success, answer.message, then))
 
     def tick(self) -> None:
-        """Ask what is next, or take its answer; ClientError where that fails."""
+        """Make the next request, or take its answer; ClientError where that fails."""
         done = [future for future in self._answers if future.done()]
         try:
             if done:
@@ -109,7 +111,7 @@ class SimulatorClient:
             executor.spin_once(timeout_sec=0.02)
 
     def forget(self) -> None:
-        """Give up everything that is asked."""
+        """Drop all requests."""
         while self._requests:
             self._drop()
 
@@ -144,7 +146,7 @@ class SimulatorClient:
 
 
 class Visitor(SimulatorClient):
-    """A client for a program that is no node: on a node and in a context of its own."""
+    """A client for a program without a node: it has a node and a context of its own."""
 
     def __init__(self, name: str, simulator: str, services: Iterable[str] = SERVICES) -> None:
         self._context = Context()

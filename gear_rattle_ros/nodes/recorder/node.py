@@ -1,4 +1,4 @@
-"""The recorder: writes what the suite publishes into an MCAP bag, as it came."""
+"""The recorder: writes what the suite publishes into an MCAP bag, byte for byte."""
 
 from collections.abc import Callable, Mapping
 import os
@@ -16,14 +16,16 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from .recording import Received, Recording
-from ..base.dds_room import ReadingNode
-from ..base.node import HoleLog, run_node, ShellNode, StartError
+from ..base.dds_room import bound_backlog
+from ..base.errors import UserError
+from ..base.event_input import arrived, StreamHealth
+from ..base.node import ReportingNode
+from ..base.process import run_node
 from ...bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ...core.words import counted
-from ...parameters import RECORDER
 from ...qos import STREAM_INPUT
 
-# Like STREAM_INPUT, and given the present state of the latched topics at the start.
+# Like STREAM_INPUT, but receives the present state of the latched topics first.
 _LATCHED_INPUT: Final = QoSProfile(
     history=HistoryPolicy.KEEP_ALL,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -49,34 +51,33 @@ _TOPICS: Final = (
     ('/clock', Clock, _CLOCK_INPUT),
 )
 _UNCOUNTED: Final = ('/diagnostics', '/parameter_events', '/clock')
-# Messages taken at one go, as going through the executor costs more than taking them.
+# Messages taken in one callback.
 _MOST: Final = 64
 
 
 class _Source:
-    """A subscription, and what its publisher has counted."""
+    """A subscription, and the messages missing in its publisher's count."""
 
-    def __init__(self, node: ShellNode, name: str, kind: Any, qos: QoSProfile,
+    def __init__(self, node: ReportingNode, name: str, kind: Any, qos: QoSProfile,
                  take: Callable[['_Source', bytes, Mapping[str, Any]], None]) -> None:
         self.lost = 0
         self.superseded = 0
         self._node = node
         self._take = take
-        self._kind = kind
         self._type_name = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
         self._definition = _definition(self._type_name)
         self._last: int | None = None
         self._topic: Topic | None = None
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
-        # Where many publish or messages may be dropped, gaps in the counting mean nothing.
+        # With several publishers, or where messages may be dropped, gaps mean nothing.
         self._is_counted = name not in _UNCOUNTED
-        # Latched, a message that is replaced before it was fetched has had its day.
-        self._is_newest_enough = qos is _LATCHED_INPUT
+        # A latched message that is replaced before it was fetched is no longer needed.
+        self._is_latched = qos is _LATCHED_INPUT
         self.name = self._subscription.topic_name
 
     def topic(self) -> Topic:
-        """Describe the topic; its publisher is there by the time of the first message."""
+        """Describe the topic; its publisher is known once the first message has arrived."""
         if self._topic is None:
             offers = []
             type_hash = 'INVALID'
@@ -90,17 +91,13 @@ class _Source:
         return self._topic
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:
-        """Take what has arrived, up to a moment, from the reader; return whether there is more."""
-        handle = self._subscription.handle
-        for _ in range(most):
-            with handle:
-                message = handle.take_message(self._kind, True)
-            if message is None:
+        """Take messages that have arrived, up to a moment; return whether there may be more."""
+        taken = 0
+        for taken, (data, info) in enumerate(arrived(self._subscription, most), 1):
+            self._count(data, info)
+            if info['received_timestamp'] > until:
                 return False
-            self._count(*message)
-            if message[1]['received_timestamp'] > until:
-                return False
-        return True
+        return taken == most
 
     def _receive(self, data: bytes, info: Mapping[str, Any]) -> None:
         self._count(data, info)
@@ -111,42 +108,37 @@ class _Source:
         if number is not None:
             jump = 0 if self._last is None else number - self._last - 1
             self._last = number
-            if self._is_newest_enough:
+            if self._is_latched:
                 self.superseded += max(jump, 0)
             elif self._is_counted:
                 self.lost += max(jump, 0)
         self._take(self, data, info)
 
 
-class Recorder(ReadingNode):
-    """Records the topics of the suite in its namespace, and /diagnostics and the like."""
+class Recorder(ReportingNode):
+    """Records the topics of the suite in its namespace, and the global ones such as /clock."""
 
-    def __init__(self) -> None:
-        super().__init__('recorder', RECORDER)
-        self._is_failure_told = False
+    def __init__(self, **options: Any) -> None:
+        super().__init__('recorder', bound_backlog, **options)
         self._garbled = 0
         self._sources = [_Source(self, *topic, self._record) for topic in _TOPICS]
         writer = self._make_writer()
         self._directory = writer.directory
         self._recording = Recording(writer, self._sources[0].name)
-        self._holes = HoleLog(self, self._recording.guard, 'they are not in the bag')
+        self._health = StreamHealth(self, self._recording.guard, 'they are not in the bag')
         self.every(0.2, self._watch)
         self.get_logger().info(f'recording into {self._directory}')
-
-    @property
-    def has_failed(self) -> bool:
-        """Whether something could not be written."""
-        return bool(self._recording.failure)
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return what has been written, and whether all of it."""
         recording = self._recording
+        level, message, losses = self._health.report()
         values = {
             'messages': recording.messages,
             'impacts': recording.impacts,
-            **self._holes.counts(),
-            'messages_lost': sum(self._lost().values()),
-            'messages_superseded': self._superseded(),
+            **losses,
+            'messages_lost': sum(source.lost for source in self._sources),
+            'messages_superseded': sum(source.superseded for source in self._sources),
             'messages_garbled': self._garbled,
             'bytes': recording.size,
             'backlog_bytes': recording.backlog,
@@ -155,17 +147,16 @@ class Recorder(ReadingNode):
         }
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
-        level, message = self._holes.status()
         if level == 'ok':
-            odd = [f'{counted(number, "message")} of {name} lost on the way'
-                   for name, number in self._lost().items()]
-            odd += [f'{counted(self._garbled, "message")} garbled'] if self._garbled else []
+            odd = self._lost()
+            if self._garbled:
+                odd.append(f'{counted(self._garbled, "message")} garbled')
             level, message = ('warn', ', '.join(odd)) if odd else ('ok', 'recording')
         return level, message, values
 
     def close(self) -> None:
-        """Write what has arrived, end the bag and say what is in it."""
-        # What has arrived has been acknowledged: nobody else keeps it.
+        """Write what has arrived, close the bag and print what it holds."""
+        # What has arrived was acknowledged: nobody else keeps it.
         now = time.time_ns()
         while sum(source.take(_MOST, now) for source in self._sources):
             pass
@@ -174,44 +165,41 @@ class Recorder(ReadingNode):
         self._watch()
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
-        odd = ''.join(
-            f', {counted(number, "message")} of {name} lost on the way'
-            for name, number in self._lost().items())
-        odd += f', {self._superseded()} superseded' if self._superseded() else ''
-        odd += f', {self._garbled} garbled' if self._garbled else ''
-        odd += f', {counted(recording.unreadable, "batch")} unreadable' if recording.unreadable \
-            else ''
+        superseded = sum(source.superseded for source in self._sources)
+        odd = self._lost()
+        odd += [f'{superseded} superseded'] if superseded else []
+        odd += [f'{self._garbled} garbled'] if self._garbled else []
+        odd += [f'{counted(recording.unreadable, "batch")} unreadable'] if recording.unreadable \
+            else []
         print(f'recorded {counted(recording.impacts, "impact")} in '
               f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
-              f'({counted(recording.guard.gaps, "gap")}){odd}, '
+              f'({counted(recording.guard.gaps, "gap")}){"".join(f", {each}" for each in odd)}, '
               f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
 
-    def _lost(self) -> dict[str, int]:
-        return {source.name: source.lost for source in self._sources if source.lost}
-
-    def _superseded(self) -> int:
-        return sum(source.superseded for source in self._sources)
+    def _lost(self) -> list[str]:
+        return [f'{counted(source.lost, "message")} of {source.name} lost on the way'
+                for source in self._sources if source.lost]
 
     def _make_writer(self) -> BagWriter:
         compression = str(self.values['compression'])
         if compression not in COMPRESSIONS:
-            raise StartError(f'compression = {compression!r} is not one of '
-                             f'{", ".join(COMPRESSIONS)}')
+            raise UserError(f'compression = {compression!r} is not one of '
+                            f'{", ".join(COMPRESSIONS)}')
         name = str(self.values['output']) or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
         try:
             return BagWriter(
                 Path(name).expanduser(), compression, largest=int(self.values['max_bag_size']),
                 longest=int(self.values['max_bag_duration']) * 1_000_000_000)
         except BagError as error:
-            raise StartError(f'output = {error}') from None
+            raise UserError(f'output = {error}') from None
 
     def _record(self, source: _Source, data: bytes, info: Mapping[str, Any]) -> None:
-        # Seen under load: DDS hands over bytes that are no message, with a time that is none. In
-        # the bag they would stand first, and end every reading of it there.
+        # Seen under load: DDS delivers bytes that are not a message, at an invalid time. In the
+        # bag they would come first, and no reader would get past them.
         if data[:1] != b'\0':
             self._garbled += 1
             self.get_logger().error(
-                f'{source.name}: DDS handed over {len(data)} bytes that are no message '
+                f'{source.name}: DDS delivered {len(data)} bytes that are not a message '
                 f'({data[:8].hex()} ..., received at {info["received_timestamp"]} ns); left out',
                 throttle_duration_sec=1.0)
             return
@@ -221,9 +209,9 @@ class Recorder(ReadingNode):
             info.get('publication_sequence_number') or 0))
 
     def _watch(self) -> None:
-        self._holes.speak()
-        if self._recording.failure and not self._is_failure_told:
-            self._is_failure_told = True
+        self._health.log()
+        if self._recording.failure and not self.exit_status:
+            self.exit_status = 1
             self.get_logger().error(
                 f'{self._recording.failure}; recording has stopped, '
                 f'{counted(self._recording.messages, "message")} kept')
@@ -233,20 +221,20 @@ def _definition(type_name: str) -> str:
     try:
         return message_definition(type_name, _share)
     except OSError as error:
-        raise StartError(f'the definition of {type_name} is not found ({error}); '
-                         'set AMENT_PREFIX_PATH') from None
+        raise UserError(f'the definition of {type_name} is not found ({error}); '
+                        'set AMENT_PREFIX_PATH') from None
 
 
 def _share(package: str) -> str:
     try:
         return str(get_package_share_directory(package))
     except (LookupError, OSError):
-        # The wheels of ROS lie in python's own prefix, which need not be in AMENT_PREFIX_PATH.
+        # The wheels of ROS are in python's own prefix, which need not be in AMENT_PREFIX_PATH.
         return os.path.join(sys.prefix, 'share', package)
 
 
 def _qos_words(qos: QoSProfile) -> dict[str, object]:
-    """Return a quality of service in the words of rosbag2."""
+    """Return a quality of service as rosbag2 writes it."""
     return {
         'history': qos.history.short_key,
         'depth': qos.depth,
@@ -266,12 +254,5 @@ def _time(duration: Duration) -> dict[str, int]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the recorder; exit status 1 if it could not write everything."""
-    made: list[Recorder] = []
-
-    def make() -> Recorder:
-        made.append(Recorder())
-        return made[0]
-
-    status = run_node('recorder', make, arguments)
-    return status or int(any(node.has_failed for node in made))
+    """Run the recorder; the exit status is 1 if it could not write everything."""
+    return run_node('recorder', Recorder, arguments)

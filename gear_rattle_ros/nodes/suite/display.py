@@ -1,4 +1,4 @@
-"""What the suite shows in the terminal, a few times a second."""
+"""The display of the suite in the terminal, updated a few times a second."""
 
 import dataclasses
 import math
@@ -16,7 +16,7 @@ from ...core.words import counted
 
 @dataclasses.dataclass
 class Status:
-    """What is known of the run."""
+    """The present state of the run."""
 
     phase: str = 'starting'
     seconds: float = 0.0
@@ -31,7 +31,7 @@ class Status:
     bag_bytes: int = 0
 
     def exponent(self, name: str, error: str = '') -> str:
-        """Return an exponent in words, with its standard error."""
+        """Return an exponent as text, with its standard error."""
         value = self.exponents.get(name, math.nan)
         if math.isnan(value):
             return '-'
@@ -40,22 +40,18 @@ class Status:
         return text if math.isnan(uncertainty) else f'{text} ± {uncertainty:.6f}'
 
     def finite(self) -> str:
-        """Return the finite-time exponent, with the retunes that it crosses."""
+        """Return the finite-time exponent, and the retunes that it crosses."""
         retunes = self.exponents.get('finite_retunes', 0.0)
         return self.exponent('lambda_1_finite') + (
             f' over {retunes:,.0f} retunes' if retunes > 0.0 else '')
 
-    def infinite(self) -> str:
-        """Return why an exponent is infinite, or nothing."""
-        return infinite_in_words(self.exponents)
-
     def time(self) -> str:
-        """Return the time since the first impact, and of how much."""
+        """Return the time since the first impact, and the duration."""
         whole = f' of {self.duration:.0f} s' if self.duration > 0.0 else ' s, until stopped'
         return f'{self.seconds:.0f}{whole}'
 
     def line(self) -> str:
-        """Return everything on one line, where there is no terminal."""
+        """Return everything on one line, for output that is not a terminal."""
         return (
             f'{self.time()}: {counted(self.impacts, "impact")}, '
             f'{self.impacts_per_second:.0f}/s, alpha {self.alpha:g}, '
@@ -64,7 +60,7 @@ class Status:
             f'sum {self.exponent("sum")} (exact {self.exponent("exact_sum")}), impulse balance '
             f'{self.exponent("impulse_balance")} (exact '
             f'{self.exponent("exact_impulse_balance")}), '
-            f'{", ".join(filter(None, (self.infinite(), self.trajectory or "-")))}, '
+            f'{", ".join(filter(None, (infinite_in_words(self.exponents), self.trajectory)))}, '
             f'{counted(sum(self.gaps.values()), "gap")}, bag {self.bag_bytes / 1e6:.1f} MB')
 
 
@@ -78,7 +74,7 @@ def render(status: Status) -> Panel:
     whole = '[green]none[/]' if not gaps else (
         f'[red]{gaps}, {counted(lost, "impact")} lost: {where}[/]')
     exponents = status.exponents
-    infinite = status.infinite()
+    infinite = infinite_in_words(exponents)
     for name, value in (
         ('time', status.time()),
         ('impacts', f'{status.impacts:,}'),

@@ -17,6 +17,7 @@ from .axes import (
     greys_of,
     HALF_HEIGHT,
     section_axes,
+    TWO_PI,
     velocity_ticks,
 )
 from .basin import BasinPicture
@@ -27,21 +28,20 @@ from ...core.stream.counters import Place
 from ...core.stream.reconstruction import rebuild
 from ...palette import BLUE, GREEN, ORANGE, PURPLE, rgba
 
-TWO_PI = 2.0 * math.pi
-# Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.
+# Most impacts drawn each time, the newest in a row; older ones are thinned out.
 DRAWN_MOST: Final = 800
-# Points that stand in the section; of those that leave it one in so many stays, so many in all;
-# and how many, the newest, stand out.
+# Points in the section; of older ones every OLD_STEP-th stays, at most OLD_POINTS of them; the
+# newest are bright.
 SECTION_POINTS: Final = 2000
 OLD_STEP: Final = 7
 OLD_POINTS: Final = 1000
 BRIGHT_POINTS: Final = 12
 CHANGES_MOST: Final = 100
 ESTIMATES_MOST: Final = 20
-# Drawn so often [s], and the age of a file from which on it is drawn to less and less often.
+# Interval between drawings [s], and the age at which those of a file begin to lengthen [s].
 INTERVAL: Final = 0.2
 FULL_DETAIL: Final = 120.0
-# The running exponent says nothing before so many impacts.
+# The running exponent means nothing before this number of impacts.
 IMPACTS_LEAST: Final = 30
 FLIGHT_STEP: Final = TWO_PI / 48.0
 # Order of the values in a row of exponents.
@@ -59,7 +59,7 @@ EXPONENT_COLOURS: Final = [
     rgba(BLUE), rgba(BLUE, 0x80), rgba(BLUE, 0x80), rgba(GREEN, 0xB0), rgba(PURPLE), rgba(ORANGE),
     0x808080FF, 0x808080C0,
 ]
-# The sum is wider than the exact one, which lies on it.
+# The sum is wider than the exact one, which lies on top of it.
 EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 4.0, 1.0, 1.0]
 
 
@@ -77,7 +77,7 @@ class Scene:
         self._seen = 0
         self._ring = np.empty(0, ROW)
         self._old = np.empty(0, ROW)
-        # Of the velocities of the section; the impacts need so much, the basins so much.
+        # Limit of the velocities in the section, and the limit that the impacts need.
         self._limit = self._needed = 0.0
         self._basin: BasinPicture | None = None
         self._has_new_basin = False
@@ -127,10 +127,10 @@ class Scene:
             self._document = document
             self._send('state', recent.now, rr.TextDocument.columns(
                 text=[document], media_type=['text/markdown']))
-        # Begun, not waited for: what a killed viewer leaves in its file ends here.
+        # Started, not waited for: the file of a viewer that is killed ends here.
         self._recording.flush(timeout_sec=0.0)
 
-    def say(self, text: str, level: str, now: Place | None) -> None:
+    def log(self, text: str, level: str, now: Place | None) -> None:
         """Log a line of text."""
         self._send('log', now, rr.TextLog.columns(text=[text], level=[level]))
 
@@ -214,7 +214,7 @@ class Scene:
         self._estimates.clear()
         if not taken or recent.now is None:
             return
-        # An estimate may be ahead of what has come in here; the axis must not be.
+        # An estimate may be ahead of the events received here; the axis must not be.
         impacts = np.array([min(recent.impact_number(int(values['index'])), recent.now.impact)
                             for values in taken])
         table = np.array([exponent_row(values) for values in taken])
@@ -237,9 +237,9 @@ class Scene:
 
 
 def exponent_row(values: Mapping[str, float]) -> list[float]:
-    """Return one row of EXPONENTS; what is not known, or infinite, leaves a gap in its line."""
+    """Return one row of EXPONENTS; what is unknown or infinite leaves a gap in its line."""
     if values.get('impacts', math.inf) < IMPACTS_LEAST:
-        # An epoch has just begun, as in a ramp: only the finite-time exponent crosses it.
+        # An epoch has just begun, as in a ramp; only the finite-time exponent crosses it.
         values = {'lambda_1': math.nan, 'lambda_1_finite': values.get('lambda_1_finite', math.nan)}
     error = values.get('lambda_1_error', math.nan)
     band = {1: values['lambda_1'] + error, 2: values['lambda_1'] - error, 7: 0.0}
