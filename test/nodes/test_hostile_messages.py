@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
-from gear_rattle_ros.nodes.base.node import begin
+from gear_rattle_ros.nodes.base.process import begin
 from gear_rattle_ros.nodes.suite.display import render, Status
 from gear_rattle_ros.nodes.suite.node import Monitor
 from gear_rattle_ros.nodes.viewer.basin import points_of
@@ -110,7 +110,7 @@ def test_the_viewer_goes_on(ros, capfd) -> None:
     take['lyapunov'](JointState(name=list(SHOWN), position=[math.nan] * len(SHOWN)))
     assert 'λ1 = 0.50000' in viewer._document()
     said = capfd.readouterr().err
-    assert "a message on lyapunov is refused: ValueError('impacts = nan')" in said
+    assert "refused a message on lyapunov: ValueError('impacts = nan')" in said
     assert 'Traceback' not in said
     viewer.close()
     viewer.destroy_node()

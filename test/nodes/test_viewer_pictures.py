@@ -63,9 +63,9 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
         Wanted(basins.catalogue.parameters, 1, 7, 0.0, False), basins, hues, Memory(traces, 1.5),
         Settings((50, 200), True, 0.0, 1.5, 5000, 1, 0))
     inputs = BasinInput()
-    assert inputs.take_image(picture.image) is None
-    assert inputs.take_attractors(picture.attractors) is None
-    drawn = inputs.take_state(picture.state)
+    assert inputs.take('basin', picture.image) is None
+    assert inputs.take('attractors', picture.attractors) is None
+    drawn = inputs.take('basin_state', picture.state)
     assert drawn is not None
     simulation = Simulation(Parameters(0.57), State(0, 0.0, 0.0, -1.0))
     recent, running, clock = Recent(1000), RunningLyapunov(), 0.0

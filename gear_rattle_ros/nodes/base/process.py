@@ -9,7 +9,11 @@ from typing import TypeVar
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
+from rclpy.logging import (
+    get_logger_level,
+    get_logging_severity_from_string,
+    set_logger_level,
+)
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
@@ -47,16 +51,16 @@ class Stop:
 def begin(ros: list[str]) -> None:
     """Begin ROS with its arguments; UserError or ValueError names one that it refuses."""
     refuse_large_files(ros)
-    level = get_logger_level('rcl')
+    level, fatal = get_logger_level('rcl'), get_logging_severity_from_string('FATAL')
     # What rcl would log of a bad argument comes as the exception, too.
-    set_logger_level('rcl', LoggingSeverity.FATAL)
+    set_logger_level('rcl', fatal)
     try:
         # rclpy's own handlers would invalidate the context under a callback that publishes.
         rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise UserError(refused_argument(ros, error)) from error
     finally:
-        if get_logger_level('rcl') == LoggingSeverity.FATAL:
+        if get_logger_level('rcl') == fatal:
             set_logger_level('rcl', level)
 
 

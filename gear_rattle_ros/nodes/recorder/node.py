@@ -92,12 +92,12 @@ class _Source:
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:
         """Take messages that have arrived, up to a moment; return whether there may be more."""
-        taken = 0
-        for taken, (data, info) in enumerate(arrived(self._subscription, most), 1):
+        for data, info in arrived(self._subscription, most):
             self._count(data, info)
             if info['received_timestamp'] > until:
                 return False
-        return taken == most
+            most -= 1
+        return most == 0
 
     def _receive(self, data: bytes, info: Mapping[str, Any]) -> None:
         self._count(data, info)

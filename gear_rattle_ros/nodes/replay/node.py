@@ -48,8 +48,8 @@ class Replay(ReportingNode):
                                       'its complete chunks are played')
         self._playing = Playing(
             self._bag, outputs, self._span, int(self.values['wait_for_readers']),
-            clock and (lambda log_time: clock.publish(
-                Clock(clock=stamp_from_nanoseconds(log_time)))))
+            None if clock is None else lambda log_time: clock.publish(
+                Clock(clock=stamp_from_nanoseconds(log_time))))
         self.every(0.05, self._watch)
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:

@@ -44,7 +44,7 @@ class Terminal:
         signal.signal(signal.SIGTSTP, self._handlers[signal.SIGTSTP])
 
     def read(self, within: float) -> bytes | None:
-        """Return what was typed within some time [s], b'' for nothing; None at the end of input."""
+        """Return what was typed within some time [s], b'' for nothing; None at the end."""
         ready, _, _ = select.select([self._input], [], [], within)
         if not ready:
             return b''

@@ -1,14 +1,14 @@
 """Pictures of the basins as they arrive: three messages that belong together."""
 
 import dataclasses
+import io
 import math
-import struct
 from typing import Any, Final
-import zlib
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import numpy.typing as npt
+import PIL.Image
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
 PARTS: Final = {'basin': Image, 'attractors': PointCloud2, 'basin_state': DiagnosticArray}
@@ -76,16 +76,6 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
 
 def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
     """Return pixels of shape (height, width, 3) as a PNG file."""
-    height, width, _ = pixels.shape
-    # Every row begins with the number of its filter: 0, none.
-    rows = np.zeros((height, 3 * width + 1), np.uint8)
-    rows[:, 1:] = pixels.reshape(height, 3 * width)
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack('>I', len(data)) + kind + data + struct.pack(
-            '>I', zlib.crc32(kind + data))
-
-    # Eight bits of red, green and blue.
-    header = struct.pack('>IIBBBBB', width, height, 8, 2, 0, 0, 0)
-    return (b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header)
-            + chunk(b'IDAT', zlib.compress(rows.tobytes(), LEVEL)) + chunk(b'IEND', b''))
+    file = io.BytesIO()
+    PIL.Image.fromarray(pixels).save(file, 'PNG', compress_level=LEVEL)
+    return file.getvalue()
