@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 import contextlib
 import dataclasses
+import functools
 import os
 from pathlib import Path
 import queue
@@ -134,11 +135,8 @@ class Job(threading.Thread):
         self._memory = memory
         self._settings = settings
         self._put = put
-        self._dropped = threading.Event()
-
-    def drop(self) -> None:
-        """Make the thread end soon."""
-        self._dropped.set()
+        # Set where the thread is to end soon.
+        self.dropped = threading.Event()
 
     def run(self) -> None:
         """Compute pictures and hand them over; None is the last."""
@@ -163,7 +161,7 @@ class Job(threading.Thread):
         planes = [Plane(settings.displacement, velocity=(-limit, limit), phases=size,
                         velocities=size) for size in sizes]
         for basins in watch(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
-                            threads=settings.threads, is_dropped=self._dropped.is_set):
+                            threads=settings.threads, is_dropped=self.dropped.is_set):
             traces, hues = follow(memory.traces, points_of(basins.catalogue),
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
@@ -213,7 +211,7 @@ class Basin(ReportingNode):
     def close(self) -> None:
         """Drop the work."""
         if self._job is not None:
-            self._job.drop()
+            self._job.dropped.set()
 
     def _look(self) -> None:
         for cloud, _ in arrived(self._stream, 1):
@@ -229,8 +227,8 @@ class Basin(ReportingNode):
         if not len(events):
             return
         last = events[-1]
-        parameters = Parameters(*(float(last[name]) for name in (
-            'alpha', 'beta', 'gamma', 'restitution')))
+        parameters = Parameters(*(float(last[field.name]) for field in dataclasses.fields(
+            Parameters)))
         before, now = self._wanted, time.monotonic()
         if before is not None and parameters == before.parameters:
             return
@@ -247,7 +245,7 @@ class Basin(ReportingNode):
         if job is not None:
             if job.wanted is wanted or job.is_coarse:
                 return
-            job.drop()
+            job.dropped.set()
             self._counts['dropped'] += 1
             self._job = None
         begun = self._begun
@@ -356,6 +354,4 @@ def warm_up(settings: Settings) -> None:
     find_attractors(chaos, planes[0].random_starts(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node and return its exit status."""
-    return run_node('basin', Basin, arguments)
+main = functools.partial(run_node, 'basin', Basin)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 import dataclasses
+import functools
 from typing import Any
 
 from rclpy.duration import Duration
@@ -65,6 +66,4 @@ class Lyapunov(ReportingNode):
         self._publisher.publish(named_values(values, self._input.stamp))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node and return its exit status."""
-    return run_node('lyapunov', Lyapunov, arguments)
+main = functools.partial(run_node, 'lyapunov', Lyapunov)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 import dataclasses
+import functools
 import math
 import time
 from typing import Any
@@ -295,6 +296,4 @@ def _words(parameters: Parameters) -> str:
         parameters).items())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node and return its exit status."""
-    return run_node('simulator', Simulator, arguments)
+main = functools.partial(run_node, 'simulator', Simulator)

@@ -1,6 +1,7 @@
 """Where transients end: periodic orbits and rest, found in the stream."""
 
 from collections.abc import Mapping
+import functools
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -52,6 +53,4 @@ class Transients(ReportingNode):
             self.get_logger().info(change.describe())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node and return its exit status."""
-    return run_node('transients', Transients, arguments)
+main = functools.partial(run_node, 'transients', Transients)

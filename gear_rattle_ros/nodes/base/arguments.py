@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 import difflib
+import json
 import os
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +34,12 @@ def split_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
         (ros if is_ros else plain).append(argument)
         is_ros &= argument != '--'
     return plain, ros
+
+
+def overrides(values: Mapping[str, object]) -> list[str]:
+    """Return arguments that set parameters: ROS reads JSON as YAML, and '2026' stays a string."""
+    return [word for name, value in values.items()
+            for word in ('-p', f'{name}:={json.dumps(value, ensure_ascii=False)}')]
 
 
 def refuse_plain(name: str, plain: Sequence[str]) -> None:

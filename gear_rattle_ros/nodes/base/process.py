@@ -97,7 +97,8 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
         try_shutdown()
 
 
-def run_node(name: str, make: Callable[[], ReportingNode], arguments: list[str] | None) -> int:
+def run_node(name: str, make: Callable[[], ReportingNode],
+             arguments: list[str] | None = None) -> int:
     """Spin a node until it is finished or a signal comes, and return the exit status."""
     return exit_status(name, arguments, make, _spin)
 

@@ -1,6 +1,7 @@
 """The recorder: writes what the suite publishes into an MCAP bag, byte for byte."""
 
 from collections.abc import Callable, Mapping
+import functools
 import os
 from pathlib import Path
 import sys
@@ -11,7 +12,7 @@ from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
@@ -23,20 +24,10 @@ from ..base.node import ReportingNode
 from ..base.process import run_node
 from ...bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ...core.words import counted
-from ...qos import STREAM_INPUT
+from ...qos import profile, STREAM_INPUT
 
 # Like STREAM_INPUT, but receives the present state of the latched topics first.
-_LATCHED_INPUT: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-_CLOCK_INPUT: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+_LATCHED_INPUT: Final = profile(0, is_latched=True)
 # The types are known, so a subscription waits for its publisher and misses no first message.
 _TOPICS: Final = (
     ('impacts', PointCloud2, STREAM_INPUT),
@@ -48,7 +39,7 @@ _TOPICS: Final = (
     ('basin_state', DiagnosticArray, _LATCHED_INPUT),
     ('/diagnostics', DiagnosticArray, STREAM_INPUT),
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
-    ('/clock', Clock, _CLOCK_INPUT),
+    ('/clock', Clock, profile(1000, is_reliable=False)),
 )
 _UNCOUNTED: Final = ('/diagnostics', '/parameter_events', '/clock')
 # Messages taken in one callback.
@@ -253,6 +244,4 @@ def _time(duration: Duration) -> dict[str, int]:
     return {'sec': seconds, 'nsec': rest}
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the recorder; the exit status is 1 if it could not write everything."""
-    return run_node('recorder', Recorder, arguments)
+main = functools.partial(run_node, 'recorder', Recorder)

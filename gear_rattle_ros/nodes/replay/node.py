@@ -3,16 +3,15 @@
 import argparse
 from collections.abc import Mapping, Sequence
 import importlib
-import json
 from pathlib import Path
 import sys
 from typing import Any, Final
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from .playing import Output, Playing, Span, WINDOW
-from ..base.arguments import split_arguments
+from ..base.arguments import overrides, split_arguments
 from ..base.dds_room import make_room
 from ..base.errors import UserError
 from ..base.node import ReportingNode
@@ -21,7 +20,7 @@ from ...bags import Bag, BagError, Topic
 from ...core.words import counted
 from ...messages import stamp_from_nanoseconds
 from ...parameters import REPLAY
-from ...qos import CLOCK
+from ...qos import CLOCK, profile
 
 # What recorded nodes reported on themselves is not true of those that run now.
 _NOT_UNASKED: Final = ('/diagnostics', '/parameter_events')
@@ -134,12 +133,8 @@ def _offered(profiles: Sequence[Mapping[str, Any]]) -> QoSProfile:
     is_reliable = all(qos.get('reliability') not in ('best_effort', 2) for qos in profiles)
     is_latched = bool(profiles) and all(
         qos.get('durability') in ('transient_local', 1) for qos in profiles)
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=1 if is_latched else WINDOW,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
-    )
+    return profile(
+        1 if is_latched else WINDOW, is_reliable=is_reliable, is_latched=is_latched)
 
 
 def ros_arguments(arguments: Sequence[str]) -> list[str]:
@@ -158,10 +153,7 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     given = vars(parser.parse_args(plain))
     if given['topics']:
         given['topics'] = ' '.join(given['topics'])
-    # ROS reads JSON as YAML, and a bag called 2026 stays a string.
-    settings = [f'{name}:={json.dumps(value, ensure_ascii=False)}'
-                for name, value in given.items() if value is not None]
-    own = [part for setting in settings for part in ('-p', setting)]
+    own = overrides({name: value for name, value in given.items() if value is not None})
     return [*ros, '--ros-args', *own] if own else ros
 
 

@@ -23,12 +23,14 @@ from sensor_msgs.msg import JointState
 
 from .display import render, Status
 from .processes import Processes
+from ..base.arguments import overrides
 from ..base.client import PUT, RESET, SimulatorClient
 from ..base.errors import UserError
 from ..base.process import exit_status, Stop
 from ..base.services import tolerant
+from ...parameters import SIMULATOR
 from ...qos import LATCHED, STREAM
-from ...scenes import find_scene, load_scenes, Performance, Step
+from ...scenes import find_scene, load_scenes, NAMES, Performance, START, Step
 
 READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 # Two situations of the paper: a chaotic attractor, and a chaotic transient after the crisis.
@@ -138,25 +140,15 @@ class Suite:
                 print(f'{what:8} {command}')
 
     def _start_nodes(self) -> None:
-        options, folder = self._options, self._folder
         own: dict[str, dict[str, object]] = {
-            'simulator': {name: getattr(options, name) for name in (
-                'alpha', 'beta', 'gamma', 'restitution', 'noise', 'rate', 'seed', 'alpha_target',
-                'alpha_rate')} | {
-                'initial_phase': options.phase,
-                'initial_displacement': options.displacement,
-                'initial_velocity': options.velocity,
-                'wait_for_readers': len(self._readers),
-            },
-            'recorder': {'output': str(folder / 'bag')},
-            'viewer': {'mode': options.viewer, 'save': str(folder / 'run.rrd')},
+            'simulator': {name: getattr(self._options, name) for name in NAMES} | {
+                'wait_for_readers': len(self._readers)},
+            'recorder': {'output': str(self._folder / 'bag')},
+            'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')},
         }
         for name in ('simulator', *self._readers):
-            parameters = [
-                word for key, value in own.get(name, {}).items()
-                for word in ('-p', f'{key}:={_yaml(value)}')]
             arguments = secured(name, self._ros_arguments) or ['--ros-args']
-            self._processes.start(name, [*arguments, *parameters])
+            self._processes.start(name, [*arguments, *overrides(own.get(name, {}))])
 
     def _prepare_summary(self) -> None:
         self._summary = subprocess.Popen(
@@ -191,7 +183,7 @@ class Suite:
             while not stop.asked:
                 self._executor.spin_once(timeout_sec=0.05)
                 now = time.monotonic()
-                self._check_nodes()
+                self._processes.check()
                 if not first:
                     status.phase = f'starting, {now - began:.0f} s'
                     if status.impacts:
@@ -221,13 +213,6 @@ class Suite:
                 elif live is None and first and now - shown > PLAIN_EVERY:
                     shown = now
                     print(status.line(), flush=True)
-
-    def _check_nodes(self) -> None:
-        ended = self._processes.ended()
-        if ended is not None:
-            name, status = ended
-            raise UserError(
-                f'{name} has ended with status {status}: {self._processes.last_words(name)}')
 
     def _begin(self, step: Step, monitor: Monitor) -> None:
         if step.parameters:
@@ -270,12 +255,6 @@ def _quoted(path: Path) -> str:
     return shlex.quote(str(path))
 
 
-def _yaml(value: object) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace('\\', '\\\\').replace('"', '\\"') + '"'
-    return str(value).lower() if isinstance(value, bool) else repr(value)
-
-
 def _make_folder(output: str | None) -> Path:
     now = datetime.datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
     folder = Path(output) if output else Path('runs') / now
@@ -297,17 +276,12 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         'list shows them all; other options override its parameters')
     add('--then', type=float, metavar='ALPHA', help='alpha from half-way on [1]')
     add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
-    add('--rate', type=float, default=1000.0, help='drive periods per second; 0 = as fast as all '
-        'nodes keep up (%(default)s)')
-    add('--beta', type=float, default=0.1, help='damping [1] (%(default)s)')
-    add('--gamma', type=float, default=0.1, help='constant load [1] (%(default)s)')
-    add('--restitution', type=float, default=0.9, help='coefficient of restitution [1] (%(default)s)')
-    add('--noise', type=float, default=0.0, help='standard deviation of a kick at every impact '
-        '[1] (%(default)s)')
-    add('--seed', type=int, default=0, help='seed of the noise (%(default)s)')
-    add('--phase', type=float, default=0.0, help='initial drive phase [rad] (%(default)s)')
-    add('--displacement', type=float, default=0.0, help='initial displacement [1] (%(default)s)')
-    add('--velocity', type=float, default=-1.0, help='initial velocity [1] (%(default)s)')
+    for given in SIMULATOR:
+        if given.name in START and given.name != 'alpha_rate':
+            # The option of initial_phase is --phase.
+            add(f'--{given.name.removeprefix("initial_")}', dest=given.name,
+                type=type(START[given.name]), default=START[given.name],
+                help=f'{given.descriptor().description} (%(default)s)')
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
     add('--basin', action=argparse.BooleanOptionalAction, default=True,
@@ -325,10 +299,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
             parser.exit(2, f'suite: {error}\n')
         if options.then is not None:
             parser.exit(2, 'suite: --then and --scene exclude each other; leave one out\n')
-        first = {name.removeprefix('initial_'): value
-                 for name, value in scene.steps[0].parameters.items()}
         # The command line overrides the scene.
-        parser.set_defaults(duration=math.inf, **first)
+        parser.set_defaults(duration=math.inf, **scene.steps[0].parameters)
         options = parser.parse_args(arguments)
         # On a slow machine its ramps take longer.
         options.plays_out = math.isinf(options.duration)

@@ -8,6 +8,8 @@ import subprocess
 import sys
 import time
 
+from ..base.errors import UserError
+
 PR_SET_PDEATHSIG = 1
 # A node that has not ended is interrupted again after this time; interval of looking [s].
 AGAIN = 2.0
@@ -43,12 +45,12 @@ class Processes:
         """Return the path of a node's log file."""
         return self._logs / f'{name}.log'
 
-    def ended(self) -> tuple[str, int] | None:
-        """Return the name and exit status of a node that has ended, if any."""
+    def check(self) -> None:
+        """Raise UserError where a node has ended."""
         for name, process in self._running.items():
             if process.poll() is not None:
-                return name, process.returncode
-        return None
+                raise UserError(f'{name} has ended with status {process.returncode}: '
+                                f'{self.last_words(name)}')
 
     def last_words(self, name: str) -> str:
         """Return the last line that a node has written."""

@@ -1,6 +1,6 @@
 """Draws the stream, the exponents and the transient with rerun: file, window or web page."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import functools
 import math
 import time
@@ -8,6 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 from .basin import BasinInput, BasinPicture, PARTS
@@ -63,12 +64,12 @@ class Viewer(ReportingNode):
         self._waiting_since = math.inf
         self._lag = 0.0
         self._input = EventInput(self, self._recent.guard, self._take, 'the axes continue')
-        for kind, name, take, qos in (
+        topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (
             (JointState, 'lyapunov', self._take_estimate, STREAM),
             (DiagnosticArray, 'transient', self._take_transient, LATCHED),
             *((kind, name, functools.partial(self._take_basin, name), LATCHED)
-              for name, kind in PARTS.items()),
-        ):
+              for name, kind in PARTS.items()))
+        for kind, name, take, qos in topics:
             self.create_subscription(kind, name, tolerant(self, name, take), qos)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
@@ -192,6 +193,4 @@ class Viewer(ReportingNode):
         return '  \n'.join(lines)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node and return its exit status."""
-    return run_node('viewer', Viewer, arguments)
+main = functools.partial(run_node, 'viewer', Viewer)
