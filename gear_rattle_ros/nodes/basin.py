@@ -14,7 +14,6 @@ from typing import Any, Final
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-import numpy.typing as npt
 from rclpy.callback_groups import CallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
 
@@ -190,7 +189,7 @@ class Basin(ReportingNode):
         self._results: queue.SimpleQueue[tuple[Job, Picture | None]] = queue.SimpleQueue()
         self._words = 'no impacts yet'
         self._counts = {'pictures': 0, 'parameters': 0, 'dropped': 0}
-        self._first_seconds = self._last_seconds = 0.0
+        self._seconds = {'first_picture_seconds': 0.0, 'last_picture_seconds': 0.0}
         warm_up(self._settings)
         give_way(self._settings.niceness)
         self._image = self.create_publisher(Image, 'basin', LATCHED)
@@ -204,9 +203,7 @@ class Basin(ReportingNode):
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return what was published, and how soon after the parameters changed."""
-        return 'ok', self._words, {
-            **self._counts, 'first_picture_seconds': self._first_seconds,
-            'last_picture_seconds': self._last_seconds}
+        return 'ok', self._words, self._counts | self._seconds
 
     def close(self) -> None:
         """Drop the work."""
@@ -238,7 +235,7 @@ class Basin(ReportingNode):
         self._counts['parameters'] += 1
 
     def _decide(self) -> None:
-        wanted, job = self._wanted, self._job
+        wanted, job, begun = self._wanted, self._job, self._begun
         if wanted is None:
             return
         # While parameters keep moving, a coarse picture of where they were is better than none.
@@ -248,10 +245,8 @@ class Basin(ReportingNode):
             job.dropped.set()
             self._counts['dropped'] += 1
             self._job = None
-        begun = self._begun
-        is_new = begun is None or begun.wanted is not wanted
         has_settled = time.monotonic() - wanted.since >= SETTLED
-        if is_new or (begun is not None and begun.is_coarse and has_settled):
+        if begun is None or begun.wanted is not wanted or (begun.is_coarse and has_settled):
             self._job = self._begun = Job(
                 wanted, self._memory, self._settings, wanted.is_passing and not has_settled,
                 self._put)
@@ -280,9 +275,10 @@ class Basin(ReportingNode):
             self._image.publish(picture.image)
             self._words = picture.state.status[0].message
             self._counts['pictures'] += 1
-            self._last_seconds = time.monotonic() - job.wanted.since
-            if picture.image.width == self._settings.sizes[0]:
-                self._first_seconds = self._last_seconds
+            seconds = time.monotonic() - job.wanted.since
+            is_first = picture.image.width == self._settings.sizes[0]
+            self._seconds.update(dict.fromkeys(
+                self._seconds if is_first else ['last_picture_seconds'], seconds))
 
 
 def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Memory,
@@ -295,26 +291,17 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
     found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
               if np.any(basins.labels == label)]
     found = [dataclasses.replace(each, share=basins.share(each.label)) for each in found]
-    points = points_of(basins.catalogue)
-    return Picture(
-        image_from_pixels(pixels, stamp),
-        cloud_from_records(points_with(points, found, colours), stamp),
-        state_of(wanted, basins, found, colours, settings),
-        memory)
-
-
-def points_with(points: Sequence[tuple[FloatArray, bool]],
-                found: Sequence[Attractor], colours: Mapping[int, str]) -> npt.NDArray[np.void]:
-    """Return the points of all attractors as records for a cloud."""
     parts = [np.zeros(0, POINT)]
-    for each, (places, _) in zip(found, points, strict=False):
+    for each, (places, _) in zip(found, points_of(basins.catalogue), strict=False):
         part = np.zeros(len(places), POINT)
         part['x'], part['y'], part['z'] = places[:, 1], places[:, 2], -places[:, 0]
         # PCL packs colours as the bytes of an integer in a float.
         part['rgb'] = np.uint32(int(colours[each.label][1:], 16)).view(np.float32)
         part['label'], part['share'] = each.label, each.share
         parts.append(part)
-    return np.concatenate(parts)
+    return Picture(
+        image_from_pixels(pixels, stamp), cloud_from_records(np.concatenate(parts), stamp),
+        state_of(wanted, basins, found, colours, settings), memory)
 
 
 def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],

@@ -56,9 +56,7 @@ class Simulator(ReportingNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('simulator', make_room, **options)
         values = self.values
-        self._omega = self.number('omega')
-        self._scale = self.number('backlash_angle')
-        self._rate = self.number('rate')
+        self._omega, self._rate = self.number('omega'), self.number('rate')
         self._ramp = (self.number('alpha_target'), self.number('alpha_rate'))
         self._paused = False
         self._awaited = int(values['wait_for_readers'])
@@ -105,18 +103,12 @@ class Simulator(ReportingNode):
             level, message = 'warn', 'slower than the requested rate'
         elif self._simulation.is_resting_for_ever:
             message = 'permanently at rest on a wall'
-        state = self._simulation.state
         return level, message, {
-            'impacts': impacts,
-            'impacts_per_second': (impacts - before) / (now - since),
-            'epoch': self._simulation.epoch,
-            'cycle': state.cycle,
+            'impacts': impacts, 'impacts_per_second': (impacts - before) / (now - since),
+            'epoch': self._simulation.epoch, 'cycle': self._simulation.state.cycle,
             'readers': self._impacts.get_subscription_count(),
-            **dataclasses.asdict(self._simulation.parameters),
-            'noise': self._simulation.noise,
-            'rate': self._rate,
-            'kernels': fingerprint(),
-        }
+            **dataclasses.asdict(self._simulation.parameters), 'noise': self._simulation.noise,
+            'rate': self._rate, 'kernels': fingerprint()}
 
     def close(self) -> None:
         """Publish the last events."""
@@ -208,8 +200,7 @@ class Simulator(ReportingNode):
     def _flush(self) -> None:
         stamp = self._stamp()
         if self._outbox:
-            events = np.concatenate(self._outbox)
-            self._outbox = []
+            events, self._outbox = np.concatenate(self._outbox), []
             for first in range(0, len(events), LARGEST_BATCH):
                 self._impacts.publish(
                     cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
@@ -225,7 +216,8 @@ class Simulator(ReportingNode):
         alpha = self._simulation.parameters.alpha
         driver = -alpha * math.sin(state.phase)
         driver_speed = -alpha * math.cos(state.phase)
-        angle, speed = self._scale, self._scale * self._omega
+        angle = self.number('backlash_angle')
+        speed = angle * self._omega
         # s = driven - driver: the driver vibrates and hits the driven gear.
         self._joints.publish(joint_state({
             'driver_gear': (angle * driver, speed * driver_speed),
@@ -252,9 +244,8 @@ class Simulator(ReportingNode):
         if 'noise' in values:
             self._simulation.noise = float(values['noise'])
         target = float(values.get('alpha_target', self._ramp[0]))
-        ramp_rate = float(values.get('alpha_rate', self._ramp[1]))
-        if 'alpha' in values and 'alpha_rate' not in values and ramp_rate:
-            ramp_rate = 0.0
+        ramp_rate = float(values.get('alpha_rate', 0.0 if 'alpha' in values else self._ramp[1]))
+        if self._ramp[1] and not ramp_rate and 'alpha_rate' not in values:
             self._show({'alpha_rate': 0.0})
         self._ramp = (target, ramp_rate)
         if 'rate' in values and float(values['rate']) != self._rate:

@@ -51,12 +51,15 @@ class _Source:
 
     def __init__(self, node: ReportingNode, name: str, kind: Any, qos: QoSProfile,
                  take: Callable[['_Source', bytes, Mapping[str, Any]], None]) -> None:
-        self.lost = 0
-        self.superseded = 0
+        self.lost = self.superseded = 0
         self._node = node
         self._take = take
         self._type_name = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
-        self._definition = _definition(self._type_name)
+        try:
+            self._definition = message_definition(self._type_name, _share)
+        except OSError as error:
+            raise UserError(f'the definition of {self._type_name} is not found ({error}); '
+                            'set AMENT_PREFIX_PATH') from None
         self._last: int | None = None
         self._topic: Topic | None = None
         receive: Any = self._receive
@@ -70,15 +73,13 @@ class _Source:
     def topic(self) -> Topic:
         """Describe the topic; its publisher is known once the first message has arrived."""
         if self._topic is None:
-            offers = []
-            type_hash = 'INVALID'
-            for publisher in self._node.get_publishers_info_by_topic(self.name):
-                if publisher.topic_type == self._type_name:
-                    offers.append(_qos_words(publisher.qos_profile))
-                    type_hash = str(publisher.topic_type_hash)
+            publishers = [
+                each for each in self._node.get_publishers_info_by_topic(self.name)
+                if each.topic_type == self._type_name]
             self._topic = Topic(
-                self.name, self._type_name, self._definition, type_hash,
-                tuple(offers or [_qos_words(self._subscription.qos_profile)]))
+                self.name, self._type_name, self._definition,
+                str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
+                tuple(_qos_words(each.qos_profile) for each in publishers or [self._subscription]))
         return self._topic
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:
@@ -125,17 +126,12 @@ class Recorder(ReportingNode):
         recording = self._recording
         level, message, losses = self._health.report()
         values = {
-            'messages': recording.messages,
-            'impacts': recording.impacts,
-            **losses,
+            'messages': recording.messages, 'impacts': recording.impacts, **losses,
             'messages_lost': sum(source.lost for source in self._sources),
             'messages_superseded': sum(source.superseded for source in self._sources),
-            'messages_garbled': self._garbled,
-            'bytes': recording.size,
-            'backlog_bytes': recording.backlog,
-            'unwritten_age': recording.age,
-            'output': str(self._directory),
-        }
+            'messages_garbled': self._garbled, 'bytes': recording.size,
+            'backlog_bytes': recording.backlog, 'unwritten_age': recording.age,
+            'output': str(self._directory)}
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
         if level == 'ok':
@@ -151,8 +147,8 @@ class Recorder(ReportingNode):
         now = time.time_ns()
         while sum(source.take(_MOST, now) for source in self._sources):
             pass
-        self._recording.close()
         recording = self._recording
+        recording.close()
         self._watch()
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
@@ -208,14 +204,6 @@ class Recorder(ReportingNode):
                 f'{counted(self._recording.messages, "message")} kept')
 
 
-def _definition(type_name: str) -> str:
-    try:
-        return message_definition(type_name, _share)
-    except OSError as error:
-        raise UserError(f'the definition of {type_name} is not found ({error}); '
-                        'set AMENT_PREFIX_PATH') from None
-
-
 def _share(package: str) -> str:
     try:
         return str(get_package_share_directory(package))
@@ -240,8 +228,7 @@ def _qos_words(qos: QoSProfile) -> dict[str, object]:
 
 
 def _time(duration: Duration) -> dict[str, int]:
-    seconds, rest = divmod(duration.nanoseconds, 1_000_000_000)
-    return {'sec': seconds, 'nsec': rest}
+    return dict(zip(('sec', 'nsec'), divmod(duration.nanoseconds, 10**9), strict=True))
 
 
 main = functools.partial(run_node, 'recorder', Recorder)

@@ -45,10 +45,8 @@ class Recording:
     """
 
     def __init__(self, writer: BagWriter, impacts: str) -> None:
-        self.impacts = 0
-        self.messages = 0
+        self.impacts = self.messages = self.unreadable = 0
         self.failure = ''
-        self.unreadable = 0
         self.guard = StreamGuard()
         # Compile now, not while the first batch waits.
         StreamGuard().split(np.zeros(2, _KEYS))

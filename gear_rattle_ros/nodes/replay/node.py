@@ -55,16 +55,9 @@ class Replay(ReportingNode):
         """Return how far the bag has been played."""
         playing = self._playing
         position, duration = self._times()
-        values = {
-            'messages': playing.messages,
-            'position': position,
-            'duration': duration,
-            'rounds': playing.rounds,
-            'bag': str(self._bag.path),
-        }
-        if playing.failure:
-            return 'error', playing.failure, values
-        return 'ok', playing.state, values
+        return 'error' if playing.failure else 'ok', playing.failure or playing.state, {
+            'messages': playing.messages, 'position': position, 'duration': duration,
+            'rounds': playing.rounds, 'bag': str(self._bag.path)}
 
     def close(self) -> None:
         """Stop, and print what was published."""
@@ -98,15 +91,12 @@ class Replay(ReportingNode):
 
     def _choose(self) -> list[str]:
         known = self._bag.topics
-        asked = str(self.values['topics']).split()
-        if not asked:
-            names = [name for name in known if name not in _NOT_UNASKED]
-        else:
-            names = ['/' + name.lstrip('/') for name in asked]
-            for name in names:
-                if name not in known:
-                    raise UserError(f'topics = {name} is not in {self._bag.path}; it has '
-                                    f'{", ".join(sorted(known))}')
+        names = ['/' + name.lstrip('/') for name in str(self.values['topics']).split()]
+        for name in names:
+            if name not in known:
+                raise UserError(f'topics = {name} is not in {self._bag.path}; it has '
+                                f'{", ".join(sorted(known))}')
+        names = names or [name for name in known if name not in _NOT_UNASKED]
         if self.values['clock']:
             names = [name for name in names if name != '/clock']
         if not any(self._bag.counts[name] for name in names):
@@ -133,8 +123,7 @@ def _offered(profiles: Sequence[Mapping[str, Any]]) -> QoSProfile:
     is_reliable = all(qos.get('reliability') not in ('best_effort', 2) for qos in profiles)
     is_latched = bool(profiles) and all(
         qos.get('durability') in ('transient_local', 1) for qos in profiles)
-    return profile(
-        1 if is_latched else WINDOW, is_reliable=is_reliable, is_latched=is_latched)
+    return profile(1 if is_latched else WINDOW, is_reliable=is_reliable, is_latched=is_latched)
 
 
 def ros_arguments(arguments: Sequence[str]) -> list[str]:

@@ -56,8 +56,7 @@ class Playing:
 
     def __init__(self, bag: Bag, outputs: Mapping[str, Output], span: Span, readers: int,
                  tick: Callable[[int], None] | None) -> None:
-        self.messages = 0
-        self.rounds = 0
+        self.messages = self.rounds = 0
         self.position = span.start
         self.state = 'waiting for readers'
         self.failure = ''
@@ -85,9 +84,7 @@ class Playing:
                 self.state = 'playing'
                 self._play()
                 self._await_acknowledgements()
-                if self._stop.is_set():
-                    break
-                self.rounds += 1
+                self.rounds += not self._stop.is_set()
                 if not self._span.is_looped:
                     break
         except Exception as error:
