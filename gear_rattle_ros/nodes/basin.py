@@ -14,7 +14,7 @@ from typing import Any, Final
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from rclpy.callback_groups import CallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
 
 from .base.errors import UserError
@@ -22,6 +22,7 @@ from .base.event_input import arrived
 from .base.node import ReportingNode
 from .base.process import run_node
 from .base.scales import nice_limit
+from .. import messages
 from ..attractors.catalogue import Attractor, OTHERS
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.matching import follow, points_of, Trace
@@ -32,12 +33,6 @@ from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNRESOLVED
 from ..core.model import Parameters
 from ..core.words import counted
-from ..messages import (
-    cloud_from_records,
-    diagnostic_array,
-    events_from_cloud,
-    image_from_pixels,
-)
 from ..palette import colours_of, painted
 from ..qos import LATCHED, NEWEST
 
@@ -62,17 +57,12 @@ def give_way(niceness: int) -> None:
             Path('/proc/self/autogroup').write_text(str(niceness))
 
 
-class Unwatched(CallbackGroup):
+class Unwatched(MutuallyExclusiveCallbackGroup):
     """A group the executor never runs: its subscription is read when there is time for it."""
 
     def can_execute(self, entity: Any) -> bool:
         """Return False."""
         return False
-
-    beginning_execution = can_execute
-
-    def ending_execution(self, entity: Any) -> None:
-        """Do nothing."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,7 +207,7 @@ class Basin(ReportingNode):
 
     def _take(self, cloud: PointCloud2) -> None:
         try:
-            events = events_from_cloud(cloud)
+            events = messages.events_from_cloud(cloud)
         except ValueError as error:
             self.get_logger().warning(f'refused a batch: {error}', once=True)
             return
@@ -300,7 +290,8 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
         part['label'], part['share'] = each.label, each.share
         parts.append(part)
     return Picture(
-        image_from_pixels(pixels, stamp), cloud_from_records(np.concatenate(parts), stamp),
+        messages.image_from_pixels(pixels, stamp),
+        messages.cloud_from_records(np.concatenate(parts), stamp),
         state_of(wanted, basins, found, colours, settings), memory)
 
 
@@ -314,7 +305,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
              f'{unsettled:.1%} unsettled')
     if conserves_areas(parameters):
         words += f': {CONSERVES}'
-    state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
+    state = messages.diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
         'plane': 'section' if settings.on_walls else 'displacement',
         'displacement': plane.displacement, 'phase_low': plane.phase[0],
@@ -322,7 +313,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
         'velocity_high': plane.velocity[1], 'unsettled': unsettled,
         'has_searched_chaos': basins.is_complete}, stamp)
     for each in found:
-        state.status.extend(diagnostic_array(
+        state.status.extend(messages.diagnostic_array(
             f'basin: {each.key}', 'basin', 'ok', f'{each.key}: {each.share:.2%}', {
                 'label': each.label, 'key': each.key, 'kind': each.kind.value, 'share': each.share,
                 'colour': colours[each.label], 'impacts': each.impacts,

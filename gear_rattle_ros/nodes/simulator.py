@@ -19,16 +19,11 @@ from .base.dds_room import make_room
 from .base.node import ReportingNode
 from .base.pacing import AcknowledgedPace, ClockPace
 from .base.process import run_node
+from .. import messages
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.words import counted
-from ..messages import (
-    cloud_from_events,
-    drive_time_nanoseconds,
-    joint_state,
-    stamp_from_nanoseconds,
-)
 from ..parameters import guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 
@@ -203,13 +198,13 @@ class Simulator(ReportingNode):
             events, self._outbox = np.concatenate(self._outbox), []
             for first in range(0, len(events), LARGEST_BATCH):
                 self._impacts.publish(
-                    cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
+                    messages.cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
         if self._clock_output is not None:
             self._clock_output.publish(Clock(clock=stamp))
 
     def _stamp(self) -> Time:
-        return stamp_from_nanoseconds(
-            self._start + drive_time_nanoseconds(*self._simulation.moment, self._omega))
+        return messages.stamp_from_nanoseconds(
+            self._start + messages.drive_time_nanoseconds(*self._simulation.moment, self._omega))
 
     def _publish_joints(self) -> None:
         state = self._simulation.state
@@ -219,7 +214,7 @@ class Simulator(ReportingNode):
         angle = self.number('backlash_angle')
         speed = angle * self._omega
         # s = driven - driver: the driver vibrates and hits the driven gear.
-        self._joints.publish(joint_state({
+        self._joints.publish(messages.joint_state({
             'driver_gear': (angle * driver, speed * driver_speed),
             'driven_gear': (angle * (state.displacement + driver),
                             speed * (state.velocity + driver_speed)),

@@ -18,6 +18,7 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from .errors import UserError
+from ...scenes import Step
 
 GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
 SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
@@ -65,12 +66,12 @@ class SimulatorClient:
         names = list(names)
 
         def taken(answer: GetParameters.Response) -> None:
-            for name, value in zip(names, answer.values, strict=True):
+            values = dict(zip(names, answer.values, strict=True))
+            for name, value in values.items():
                 if value.type != ParameterType.PARAMETER_DOUBLE:
                     raise ClientError(f'{self.name} is not a gear rattling simulator: it has no '
                                       f'parameter {name}')
-            take({name: value.double_value
-                  for name, value in zip(names, answer.values, strict=True)})
+            take({name: value.double_value for name, value in values.items()})
 
         self._ask(GET, GetParameters.Request(names=names), taken)
 
@@ -80,15 +81,20 @@ class SimulatorClient:
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]),
             lambda answer: self._judge(answer.result.successful, answer.result.reason, bool))
 
+    def begin(self, step: Step, then: Then = bool) -> None:
+        """Set the parameters of a step of a scene, and reset the state where the step does."""
+        if step.parameters:
+            self.put(step.parameters)
+        if step.reset:
+            self.reset(then)
+
     def reset(self, then: Then = bool) -> None:
         """Reset the state to the initial condition; `then` is given the simulator's answer."""
-        self._ask(RESET, Trigger.Request(), lambda answer: self._judge(
-            answer.success, answer.message, then))
+        self._ask(RESET, Trigger.Request(), then=then)
 
     def pause(self, paused: bool, then: Then = bool) -> None:
         """Stop time, or let it continue."""
-        self._ask(PAUSE, SetBool.Request(data=paused), lambda answer: self._judge(
-            answer.success, answer.message, then))
+        self._ask(PAUSE, SetBool.Request(data=paused), then=then)
 
     def tick(self) -> None:
         """Make the next request, or take its answer; ClientError where that fails."""
@@ -115,10 +121,12 @@ class SimulatorClient:
         while self._requests:
             self._drop()
 
-    def _ask(self, service: str, message: Any, take: Callable[[Any], object]) -> None:
+    def _ask(self, service: str, message: Any, take: Callable[[Any], object] | None = None,
+             then: Then = bool) -> None:
         if not self._requests:
             self._since = time.monotonic()
-        self._requests.append((self._clients[service], message, take))
+        self._requests.append((self._clients[service], message, take or (
+            lambda answer: self._judge(answer.success, answer.message, then))))
 
     def _judge(self, is_done: bool, words: str, then: Then) -> None:
         if not is_done:

@@ -39,9 +39,7 @@ class StreamHealth:
     """Logs and reports what a guard finds: where a reader joins, and every hole by its numbers."""
 
     def __init__(self, node: Node, guard: StreamGuard, consequence: str) -> None:
-        self._node = node
-        self._guard = guard
-        self._consequence = consequence
+        self._node, self._guard, self._consequence = node, guard, consequence
         self._logged = (0, 0)
         self._joined = False
 
@@ -83,11 +81,8 @@ class StreamHealth:
         elif self._joined:
             message = 'whole'
         return level, message, {
-            'gaps': guard.gaps,
-            'lost_impacts': guard.lost,
-            'restarts': guard.restarts,
-            **({'last_hole': guard.holes[-1].describe()} if guard.holes else {}),
-        }
+            'gaps': guard.gaps, 'lost_impacts': guard.lost, 'restarts': guard.restarts,
+            **({'last_hole': guard.holes[-1].describe()} if guard.holes else {})}
 
 
 class EventInput:
@@ -111,12 +106,9 @@ class EventInput:
         now, (since, before) = time.monotonic(), self._before
         self._before = now, self._events
         return level, message, {
-            'batches': self._batches,
-            'events': self._events,
+            'batches': self._batches, 'events': self._events,
             'events_per_second': (self._events - before) / max(now - since, 1e-9),
-            'refused_batches': self._refused,
-            **losses,
-        }
+            'refused_batches': self._refused, **losses}
 
     def drain(self) -> None:
         """Take in what has arrived: it was acknowledged, so nobody else keeps it for this node."""

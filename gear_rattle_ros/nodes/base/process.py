@@ -9,22 +9,12 @@ from typing import TypeVar
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import (
-    get_logger_level,
-    get_logging_severity_from_string,
-    set_logger_level,
-)
+from rclpy.logging import get_logger_level, get_logging_severity_from_string, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from .arguments import (
-    misspelt_sections,
-    refuse_large_files,
-    refuse_plain,
-    refused_argument,
-    split_arguments,
-)
+from . import arguments as given
 from .errors import UserError
 from .node import ReportingNode
 
@@ -50,7 +40,7 @@ class Stop:
 
 def begin(ros: list[str]) -> None:
     """Begin ROS with its arguments; UserError or ValueError names one that it refuses."""
-    refuse_large_files(ros)
+    given.refuse_large_files(ros)
     level, fatal = get_logger_level('rcl'), get_logging_severity_from_string('FATAL')
     # What rcl would log of a bad argument comes as the exception, too.
     set_logger_level('rcl', fatal)
@@ -58,7 +48,7 @@ def begin(ros: list[str]) -> None:
         # rclpy's own handlers would invalidate the context under a callback that publishes.
         rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
-        raise UserError(refused_argument(ros, error)) from error
+        raise UserError(given.refused_argument(ros, error)) from error
     finally:
         if get_logger_level('rcl') == fatal:
             set_logger_level('rcl', level)
@@ -70,10 +60,10 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
     stop = Stop()
     try:
         try:
-            plain, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
-            refuse_plain(name, plain)
+            plain, ros = given.split_arguments(sys.argv[1:] if arguments is None else arguments)
+            given.refuse_plain(name, plain)
             begin(ros)
-            for line in misspelt_sections(name, ros):
+            for line in given.misspelt_sections(name, ros):
                 print(f'{name}: {line}', file=sys.stderr, flush=True)
             made = make()
         except ValueError as error:

@@ -79,7 +79,8 @@ class _Source:
             self._topic = Topic(
                 self.name, self._type_name, self._definition,
                 str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
-                tuple(_qos_words(each.qos_profile) for each in publishers or [self._subscription]))
+                tuple(map(_qos_words, [each.qos_profile for each in publishers]
+                          or [self._subscription.qos_profile])))
         return self._topic
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:

@@ -128,24 +128,18 @@ class Suite:
     def _print_result(self) -> None:
         """Print what was recorded, and the commands that open everything."""
         print(self._processes.last_words('recorder').split(']: ')[-1])
-        bag, picture = self._folder / 'bag', self._folder / 'summary.png'
-        for what, path, command in (
-            ('bag', bag, f'{_command("rerun")} {_quoted(bag / "bag_0.mcap")}'),
-            ('replay', bag, f'{_command("replay")} {_quoted(bag)}'),
-            ('viewer', self._folder / 'run.rrd',
-             f'{_command("rerun")} {_quoted(self._folder / "run.rrd")}'),
-            ('summary', picture, f'xdg-open {_quoted(picture)}'),
-        ):
-            if path.exists():
-                print(f'{what:8} {command}')
+        for what, command, name in (
+            ('bag', _command('rerun'), 'bag/bag_0.mcap'), ('replay', _command('replay'), 'bag'),
+            ('viewer', _command('rerun'), 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
+            if (self._folder / name).exists():
+                print(f'{what:8} {command} {_quoted(self._folder / name)}')
 
     def _start_nodes(self) -> None:
         own: dict[str, dict[str, object]] = {
             'simulator': {name: getattr(self._options, name) for name in NAMES} | {
                 'wait_for_readers': len(self._readers)},
             'recorder': {'output': str(self._folder / 'bag')},
-            'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')},
-        }
+            'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
         for name in ('simulator', *self._readers):
             arguments = secured(name, self._ros_arguments) or ['--ros-args']
             self._processes.start(name, [*arguments, *overrides(own.get(name, {}))])
@@ -173,9 +167,8 @@ class Suite:
     def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
         console = Console(stderr=False)
-        live = Live(
-            render(status), console=console, auto_refresh=False, transient=False,
-        ) if console.is_terminal else None
+        live = Live(render(status), console=console, auto_refresh=False, transient=False) \
+            if console.is_terminal else None
         with live or contextlib.nullcontext():
             began = time.monotonic()
             first = shown = 0.0
@@ -201,7 +194,8 @@ class Suite:
                     status.seconds = now - first
                     step = performance.due(now, status.alpha)
                     if step is not None:
-                        self._begin(step, monitor)
+                        monitor.simulator.begin(step)
+                        monitor.simulator.finish(self._executor)
                     if performance.is_over(now, status.alpha) if options.plays_out else (
                             0.0 < options.duration <= status.seconds):
                         break
@@ -213,13 +207,6 @@ class Suite:
                 elif live is None and first and now - shown > PLAIN_EVERY:
                     shown = now
                     print(status.line(), flush=True)
-
-    def _begin(self, step: Step, monitor: Monitor) -> None:
-        if step.parameters:
-            monitor.simulator.put(step.parameters)
-        if step.reset:
-            monitor.simulator.reset()
-        monitor.simulator.finish(self._executor)
 
 
 def _steps(options: argparse.Namespace) -> Sequence[Step]:

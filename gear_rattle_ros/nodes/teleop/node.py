@@ -36,7 +36,7 @@ class Teleop(BaseNode):
         self._words = ''
         self._paused = False
         self._looked = -math.inf
-        self.is_over = False
+        self.is_over = self._is_due = False
         self._scenes = list(load_scenes().values())[:9]
         self._coarse, self._fine = self.number('coarse'), self.number('fine')
         self._entry: Entry | None = None
@@ -45,9 +45,8 @@ class Teleop(BaseNode):
         # Time of the scene, which stops during a pause [s].
         self._played = 0.0
         self._before = time.monotonic()
-        # The alpha that the arrows ask for while requests are open, and whether one is due [1].
+        # The alpha that the arrows ask for while requests are open [1]; whether one is due.
         self._aim: float | None = None
-        self._is_due = False
 
     def help_text(self) -> str:
         """Return what each key does."""
@@ -186,11 +185,8 @@ class Teleop(BaseNode):
         assert performance is not None
         step = performance.due(self._played, alpha)
         if step is not None:
-            if step.parameters:
-                self.simulator.put(step.parameters)
-                self._aim = step.parameters.get('alpha')
-            if step.reset:
-                self.simulator.reset(self._note)
+            self.simulator.begin(step, self._note)
+            self._aim = step.parameters.get('alpha', self._aim)
         elif performance.is_over(self._played, alpha):
             self._performance = None
             self._words = f'scene {self._scene} is over; the simulator keeps running'

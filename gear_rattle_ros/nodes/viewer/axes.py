@@ -110,7 +110,7 @@ def flight_axes() -> list[Logged]:
 def blueprint(colour: str) -> rrb.Blueprint:
     """Return the arrangement of the views."""
     meaning = 'newest brightest' if colour == 'age' else 'coloured by alpha, 0.4 to 1.8'
-    back = VELOCITY_WINDOW
+    back, cursor = VELOCITY_WINDOW, rrb.TimeRangeBoundary.cursor_relative
     section = rrb.Spatial2DView(
         origin='/section', name=f'Section: velocity over drive phase, {meaning}',
         background=rrb.Background(color=GROUND),
@@ -123,12 +123,9 @@ def blueprint(colour: str) -> rrb.Blueprint:
         origin='/velocity', name='Velocity before the impact', plot_legend=rrb.PlotLegend(
             visible=False),
         time_ranges=[
+            rrb.VisibleTimeRange('impact', start=cursor(seq=-back), end=cursor(seq=0)),
             rrb.VisibleTimeRange(
-                'impact', start=rrb.TimeRangeBoundary.cursor_relative(seq=-back),
-                end=rrb.TimeRangeBoundary.cursor_relative(seq=0)),
-            rrb.VisibleTimeRange(
-                'drive_time', start=rrb.TimeRangeBoundary.cursor_relative(seconds=-back),
-                end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0))])
+                'drive_time', start=cursor(seconds=-back), end=cursor(seconds=0.0))])
     whole = rrb.TimeAxis(view_range=rr.TimeRange(
         start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
     exponents = rrb.TimeSeriesView(

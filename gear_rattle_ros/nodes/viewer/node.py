@@ -61,8 +61,7 @@ class Viewer(ReportingNode):
         self._transient: tuple[str, Mapping[str, str]] = ('', {})
         self._basin_input = BasinInput()
         self._basin: BasinPicture | None = None
-        self._waiting_since = math.inf
-        self._lag = 0.0
+        self._waiting_since, self._lag = math.inf, 0.0
         self._input = EventInput(self, self._recent.guard, self._take, 'the axes continue')
         topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (
             (JointState, 'lyapunov', self._take_estimate, STREAM),
@@ -82,12 +81,9 @@ class Viewer(ReportingNode):
         drawn = max((scene.drawn for scene in self._scenes), default=0)
         lag, self._lag = self._lag, 0.0
         return level, message, {
-            **values,
-            'rows_logged': sum(scene.rows for scene in self._scenes),
-            'impacts_drawn': drawn,
-            'impacts_thinned_out': self._recent.impacts - drawn,
-            'largest_lag_seconds': lag,
-        }
+            **values, 'rows_logged': sum(scene.rows for scene in self._scenes),
+            'impacts_drawn': drawn, 'impacts_thinned_out': self._recent.impacts - drawn,
+            'largest_lag_seconds': lag}
 
     def close(self) -> None:
         """Draw what is left and write everything out."""

@@ -9,17 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from .axes import (
-    BASIN_OPACITY,
-    colours_of,
-    flight_axes,
-    FLIGHT_PERIODS,
-    greys_of,
-    HALF_HEIGHT,
-    section_axes,
-    TWO_PI,
-    velocity_ticks,
-)
+from . import axes
 from .basin import BasinPicture
 from .recent import Recent, ROW, RowArray
 from ..base.scales import nice_limit
@@ -43,7 +33,7 @@ INTERVAL: Final = 0.2
 FULL_DETAIL: Final = 120.0
 # The running exponent means nothing before this number of impacts.
 IMPACTS_LEAST: Final = 30
-FLIGHT_STEP: Final = TWO_PI / 48.0
+FLIGHT_STEP: Final = axes.TWO_PI / 48.0
 # Order of the values in a row of exponents.
 EXPONENTS: Final = (
     ('λ1', 'lambda_1'),
@@ -83,7 +73,7 @@ class Scene:
         self._has_new_basin = False
         self._estimates: deque[Mapping[str, float]] = deque(maxlen=ESTIMATES_MOST)
         self._document = ''
-        for path, archetype in (*section_axes(), *flight_axes()):
+        for path, archetype in (*axes.section_axes(), *axes.flight_axes()):
             recording.log(path, archetype, static=True)
         recording.log('velocity', rr.SeriesPoints(
             colors=rgba(BLUE), names='velocity', markers='circle', marker_sizes=1.6), static=True)
@@ -153,9 +143,9 @@ class Scene:
         self._needed = nice_limit(float(np.abs(ring['velocity']).max()), self._needed)
         self._scale(now)
         if self._by_alpha:
-            colours = colours_of((ring['alpha'] - 0.4) / 1.4)
+            colours = axes.colours_of((ring['alpha'] - 0.4) / 1.4)
         else:
-            colours = greys_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
+            colours = axes.greys_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
         self._send('section/plane/impacts', now, [
             *self._points(ring),
             *rr.Points2D.columns(colors=colours).partition([len(ring)])])
@@ -167,8 +157,8 @@ class Scene:
             return
         self._limit = limit
         self._send('section/plane', now, rr.Transform3D.columns(
-            scale=[[1.0, -HALF_HEIGHT / limit, 1.0]]))
-        labels, places = velocity_ticks(limit)
+            scale=[[1.0, -axes.HALF_HEIGHT / limit, 1.0]]))
+        labels, places = axes.velocity_ticks(limit)
         self._send('section/velocity', now, [
             *rr.Points2D.columns(positions=places).partition([len(places)]),
             *rr.Points2D.columns(labels=labels).partition([len(labels)])])
@@ -182,9 +172,10 @@ class Scene:
         # From pixels, the first at the top left, to phase and velocity.
         self._send('section/plane/basin', now, rr.Transform3D.columns(
             translation=[[0.0, picture.high, 0.0]],
-            scale=[[TWO_PI / picture.width, (picture.low - picture.high) / picture.height, 1.0]]))
+            scale=[[axes.TWO_PI / picture.width, (picture.low - picture.high) / picture.height,
+                    1.0]]))
         self._send('section/plane/basin/image', now, rr.EncodedImage.columns(
-            blob=[picture.png], media_type=['image/png'], opacity=[BASIN_OPACITY],
+            blob=[picture.png], media_type=['image/png'], opacity=[axes.BASIN_OPACITY],
             draw_order=[-10.0]))
         count = len(picture.points)
         self._send('section/plane/attractors', now, [
@@ -196,10 +187,10 @@ class Scene:
         return [*rr.Points2D.columns(positions=places).partition([len(places)])]
 
     def _draw_flight(self, recent: Recent) -> None:
-        motion = rebuild(recent.whole(), FLIGHT_STEP, FLIGHT_PERIODS)
+        motion = rebuild(recent.whole(), FLIGHT_STEP, axes.FLIGHT_PERIODS)
         if not len(motion.tau) or recent.now is None:
             return
-        x = motion.tau / TWO_PI
+        x = motion.tau / axes.TWO_PI
         line = np.stack([x, motion.displacement], axis=1).astype(np.float32)
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
