@@ -54,8 +54,7 @@ class Catalogues:
             found = find_attractors(view.parameters, _random(view, QUICK_STARTS), hold=QUICK_HOLD,
                                     chaotic=False)
             # What has not settled after a last look is nearly always chaos or a long transient.
-            is_complete = not np.any(found.labels == UNRESOLVED)
-            known = self._put(_key(view), Known(found, is_complete=is_complete))
+            known = self._put(_key(view), Known(found, not np.any(found.labels == UNRESOLVED)))
         return known
 
     def complete(self, view: View, check: Callable[[], None]) -> Known:

@@ -21,7 +21,6 @@ from .trajectory import follow, Trajectory
 from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import KINDS, View
 from .worker import Worker
-from ..core.model import Parameters
 from ..core.words import counted
 
 TITLE = 'Gear rattle explorer'
@@ -83,11 +82,10 @@ class Page:
         self._saving.stop()
 
     def _lay_out(self) -> None:
-        view = self._view
         for name, title, low, high, step in SLIDERS:
             wide = name == 'alpha'
             slider = Slider(name=name, title=title, start=low, end=high, step=step,
-                            value=self._value(view, name), format='0.000',
+                            value=self._value(name), format='0.000',
                             width=RIGHT_WIDTH - 140 if wide else RIGHT_WIDTH // 4 - 14)
             slider.on_change('value', functools.partial(self._slide, name))
             self._sliders[name] = slider
@@ -111,9 +109,8 @@ class Page:
         self._document.add_root(row(left, right, spacing=8))
         self._document.title = TITLE
 
-    @staticmethod
-    def _value(view: View, name: str) -> float:
-        owner = view if name == 'displacement' else view.parameters
+    def _value(self, name: str) -> float:
+        owner = self._view if name == 'displacement' else self._view.parameters
         return float(getattr(owner, name))
 
     def _ask(self, **changes: object) -> None:
@@ -133,7 +130,7 @@ class Page:
 
     def _slide(self, name: str, attr: str, old: float, new: float) -> None:
         value = float(new)
-        if value == self._value(self._view, name):
+        if value == self._value(name):
             return
         if name == 'displacement':
             self._ask_again(displacement=value)

@@ -82,11 +82,9 @@ def legend(picture: Picture, colours: Colours) -> str:
         *np.unique(picture.labels, return_counts=True), strict=True)}
     if picture.view.kind == LIFETIMES:
         bar = _bar(list(Inferno256[::32]) + [Inferno256[-1]])
-        words = f'lifetime [impacts]&ensp;1 {bar} {CAP:,}'
-        if UNRESOLVED in shares:
-            words += (f'&emsp;{_swatch(UNSETTLED)} {colours.names[UNRESOLVED]} '
-                      f'{shares[UNRESOLVED]:.1%}')
-        return words
+        return f'lifetime [impacts]&ensp;1 {bar} {CAP:,}' + (
+            f'&emsp;{_swatch(UNSETTLED)} {colours.names[UNRESOLVED]} {shares[UNRESOLVED]:.1%}'
+            if UNRESOLVED in shares else '')
     ordered, most = sorted(shares, key=lambda label: -shares[label]), 6
     words = '&emsp;'.join(
         f'{_swatch(colours.by_label[label])} {html.escape(colours.names[label])} '

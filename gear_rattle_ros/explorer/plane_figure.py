@@ -1,7 +1,6 @@
 """The figure of the plane: picture, read-out at the pointer, the clicked point."""
 
 from collections.abc import Callable
-from typing import Any
 
 from bokeh.events import Tap
 from bokeh.models import (
@@ -92,9 +91,8 @@ class PlaneFigure:
 
     def _move(self) -> None:
         self._is_moving = False
-        ranges = (self.figure.x_range, self.figure.y_range)
-        phase, velocity = ((range_.start, range_.end) for range_ in ranges)
-        self._moved(phase, velocity)
+        phase, velocity = self.figure.x_range, self.figure.y_range
+        self._moved((phase.start, phase.end), (velocity.start, velocity.end))
 
     def show(self, picture: Picture, colours: Colours) -> None:
         """Draw a picture in the window for which it was computed."""
@@ -118,6 +116,5 @@ class PlaneFigure:
 
     def go_to(self, phase: Window, velocity: Window) -> None:
         """Show another window."""
-        ranges: Any = (self.figure.x_range, self.figure.y_range)
-        for range_, window in zip(ranges, (phase, velocity), strict=True):
-            range_.update(start=window[0], end=window[1])
+        self.figure.x_range.update(start=phase[0], end=phase[1])
+        self.figure.y_range.update(start=velocity[0], end=velocity[1])

@@ -64,7 +64,6 @@ class Saving:
         with self._lock:
             self._process = None
         if process.returncode == 0:
-            self._tell(f'saved in {place}: dataset, picture and the command that makes them',
-                       True)
+            self._tell(f'saved in {place}: dataset, picture and the command that makes them', True)
         else:
             self._tell(f'not saved: {errors[-1] if errors else process.returncode}', False)

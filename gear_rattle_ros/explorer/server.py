@@ -1,6 +1,7 @@
 """The explorer: a page on this machine for the plane of initial conditions."""
 
 import argparse
+from collections.abc import Callable
 import dataclasses
 import errno
 import itertools
@@ -8,6 +9,7 @@ import os
 from pathlib import Path
 import sys
 import threading
+from typing import NoReturn
 import webbrowser
 
 from bokeh.application import Application
@@ -56,18 +58,16 @@ def make_server(shared: Shared, view: View, port: int) -> Server:
         check_unused_sessions_milliseconds=LOOK_EVERY)
 
 
-def serve(given: argparse.Namespace) -> int:
-    """Serve until Ctrl-C or SIGTERM; the exit status is 0, or 2 where it cannot start."""
+def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
+    """Serve until Ctrl-C or SIGTERM; `refuse` ends the program with one line."""
     try:
         view = View(Parameters(alpha=given.alpha))
     except ValueError as error:
-        print(f'{NAME}: {error}', file=sys.stderr)
-        return 2
+        refuse(str(error))
     above = next(each for each in (given.folder.resolve(), *given.folder.resolve().parents)
                  if each.exists())
     if not above.is_dir() or not os.access(above, os.W_OK):
-        print(f'{NAME}: --folder {given.folder} cannot be written', file=sys.stderr)
-        return 2
+        refuse(f'--folder {given.folder} cannot be written')
     shared = Shared(Catalogues(), SimulatorLink(), given.folder)
     try:
         server = make_server(shared, view, given.port)
@@ -75,9 +75,7 @@ def serve(given: argparse.Namespace) -> int:
         if error.errno not in (errno.EADDRINUSE, errno.EACCES):
             raise
         why = 'is taken' if error.errno == errno.EADDRINUSE else 'is not allowed'
-        print(f'{NAME}: port {given.port} of {ADDRESS} {why}; choose another with --port',
-              file=sys.stderr)
-        return 2
+        refuse(f'port {given.port} of {ADDRESS} {why}; choose another with --port')
     # Compile the kernels before anybody opens the page.
     with telling_of_compilation(NAME, sys.stderr):
         for _ in itertools.islice(pictures(
@@ -108,7 +106,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--no-browser', action='store_true', help='open no browser')
     parser.add_argument('--folder', type=Path, default=Path('explorer'), metavar='DIR',
                         help='where views are saved; explorer/ here by default')
-    return serve(parser.parse_args(arguments))
+    return serve(parser.parse_args(arguments), parser.error)
 
 
 def _port(text: str) -> int:

@@ -31,7 +31,7 @@ class SimulatorLink:
         try:
             from ..nodes.base.client import ClientError
         except ImportError as error:
-            return f'no ROS here ({error}): source a ROS 2 installation and restart me', False
+            return f'no ROS here ({error}): source ROS 2 and restart the explorer', False
         theirs: dict[str, float] = {}
         with self._lock:
             simulator = self.join()

@@ -19,8 +19,7 @@ class Worker:
         self._is_wanted = is_wanted
         self._changed = threading.Condition()
         self._view: View | None = None
-        self._number = 0
-        self._stopped = False
+        self._number, self._stopped = 0, False
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
