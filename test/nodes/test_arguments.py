@@ -102,16 +102,16 @@ BAD_FILES = {
     # What rcl does not take: with what is wrong where that can be said, and the form.
     SECTION % 'publish_rate: [1, 2.0]': "Value type 'double' do not belong at line_num 1; it",
     SECTION % 'publish_rate: ': 'No value at line 1; it must read NODE: {ros__parameters:',
-    SECTION % 'publish_rate: *a': 'is no YAML: found undefined alias',
-    SECTION % ('publish_rate: ' + '[' * 10_000): 'is no YAML: RecursionError; it must read',
+    SECTION % 'publish_rate: *a': 'is not YAML: found undefined alias',
+    SECTION % ('publish_rate: ' + '[' * 10_000): 'is not YAML: RecursionError; it must read',
     'lyapunov: {publish_rate: 5.0}': 'Cannot have a value before ros__parameters at line 1; it',
     'lyapunov: {ros_parameters: {window: 5}}': 'Cannot have a value before ros__parameters at',
     'ros__parameters: {window: 5}': 'There are no node names before ros__parameters at line 1;',
     'lyapunov: {ros__parameters: [1]}': 'Cannot have a value before ros__parameters at line 1;',
     '- 1': 'Sequences cannot be key at line 1; it must read',
-    'lyapunov:\n\tros__parameters: {}': 'is no YAML: while scanning for the next token found',
+    'lyapunov:\n\tros__parameters: {}': 'is not YAML: while scanning for the next token found',
     b'lyapunov: {ros__parameters: {}} # \xff': 'byte 34 is not UTF-8; it must read',
-    b'\x00': 'is no YAML: unacceptable character #x0000',
+    b'\x00': 'is not YAML: unacceptable character #x0000',
     'a' * 200_000: 'has 200000 bytes; at most 100000 are read',
 }
 
