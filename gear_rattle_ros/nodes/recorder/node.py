@@ -136,10 +136,9 @@ class Recorder(ReportingNode):
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
         if level == 'ok':
-            odd = self._lost()
-            if self._garbled:
-                odd.append(f'{counted(self._garbled, "message")} garbled')
-            level, message = ('warn', ', '.join(odd)) if odd else ('ok', 'recording')
+            odd = self._lost() + [f'{counted(self._garbled, "message")} garbled'] * bool(
+                self._garbled)
+            level, message = 'warn' if odd else 'ok', ', '.join(odd) or 'recording'
         return level, message, values
 
     def close(self) -> None:
@@ -154,14 +153,13 @@ class Recorder(ReportingNode):
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
         superseded = sum(source.superseded for source in self._sources)
-        odd = self._lost()
-        odd += [f'{superseded} superseded'] if superseded else []
-        odd += [f'{self._garbled} garbled'] if self._garbled else []
-        odd += [f'{counted(recording.unreadable, "batch")} unreadable'] if recording.unreadable \
-            else []
+        odd = ''.join(f', {words}' for words in [*self._lost(), *(words for count, words in (
+            (superseded, f'{superseded} superseded'), (self._garbled, f'{self._garbled} garbled'),
+            (recording.unreadable, f'{counted(recording.unreadable, "batch")} unreadable'))
+            if count)])
         print(f'recorded {counted(recording.impacts, "impact")} in '
               f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
-              f'({counted(recording.guard.gaps, "gap")}){"".join(f", {each}" for each in odd)}, '
+              f'({counted(recording.guard.gaps, "gap")}){odd}, '
               f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
 
     def _lost(self) -> list[str]:
