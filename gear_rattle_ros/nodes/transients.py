@@ -45,7 +45,10 @@ class Transients(ReportingNode):
         self._input.drain()
 
     def _take(self, events: EventArray) -> None:
-        for change in self._detector.update(events):
+        changes = self._detector.update(events)
+        # A hole is logged before what follows from it.
+        self._input.health.log()
+        for change in changes:
             self._publisher.publish(diagnostic_array(
                 f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok',
                 change.describe(), transient_values(change) | {'tolerance': self._tolerance},

@@ -92,7 +92,7 @@ class EventInput:
                  consequence: str) -> None:
         self.stamp = Time()
         self._log = node.get_logger()
-        self._health = StreamHealth(node, guard, consequence)
+        self.health = StreamHealth(node, guard, consequence)
         self._take = take
         self._batches = self._events = self._refused = 0
         self._last_refusal = ''
@@ -102,7 +102,7 @@ class EventInput:
 
     def report(self) -> tuple[str, str, dict[str, object]]:
         """Return level, message and values for the diagnostics; the rate is since the last one."""
-        level, message, losses = self._health.report()
+        level, message, losses = self.health.report()
         now, (since, before) = time.monotonic(), self._before
         self._before = now, self._events
         return level, message, {
@@ -136,5 +136,5 @@ class EventInput:
         self._events += len(events)
         self.stamp = cloud.header.stamp
         self._take(events)
-        self._health.log()
+        self.health.log()
         return 1

@@ -265,9 +265,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
     for given in SIMULATOR:
         if given.name in START and given.name != 'alpha_rate':
-            # The option of initial_phase is --phase.
-            add(f'--{given.name.removeprefix("initial_")}', dest=given.name,
-                type=type(START[given.name]), default=START[given.name],
+            name = given.name.removeprefix('initial_')
+            add(f'--{name}', dest=given.name, metavar=name.upper(), type=type(START[given.name]),
+                default=START[given.name],
                 help=f'{given.descriptor().description} (%(default)s)')
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
