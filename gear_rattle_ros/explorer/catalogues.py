@@ -61,7 +61,7 @@ class Catalogues:
         """
         Return the result of a thorough search; `check` is called often and raises to abandon it.
 
-        It finds chaotic attractors, too, except for pictures of lifetimes: there chaos ends.
+        It finds chaotic attractors, too, unless the view is of lifetimes: there chaos must end.
         """
         key = _key(view)
         known = self._get(key)

@@ -129,8 +129,9 @@ class Suite:
         """Print what was recorded, and the commands that open everything."""
         print(self._processes.last_words('recorder').split(']: ')[-1])
         for what, command, name in (
-            ('bag', _command('rerun'), 'bag/bag_0.mcap'), ('replay', _command('replay'), 'bag'),
-            ('viewer', _command('rerun'), 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
+                ('bag', _command('rerun'), 'bag/bag_0.mcap'),
+                ('replay', _command('replay'), 'bag'), ('viewer', _command('rerun'), 'run.rrd'),
+                ('summary', 'xdg-open', 'summary.png')):
             if (self._folder / name).exists():
                 print(f'{what:8} {command} {_quoted(self._folder / name)}')
 
