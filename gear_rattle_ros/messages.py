@@ -1,4 +1,4 @@
-"""The one place where numpy meets ROS messages; stamps and frame ids."""
+"""Conversions between numpy arrays and ROS messages, with stamps and frame ids."""
 
 import array
 from collections.abc import Mapping
@@ -55,18 +55,7 @@ def cloud_from_events(events: EventArray, stamp: Time) -> PointCloud2:
     points['z'] = events['displacement']
     for name in EVENT.names or ():
         points[name] = events[name]
-    cloud = PointCloud2()
-    cloud.header = Header(stamp=stamp, frame_id=SECTION_FRAME)
-    cloud.height = 1
-    cloud.width = len(events)
-    cloud.fields = _FIELDS
-    cloud.is_bigendian = False
-    cloud.point_step = POINT.itemsize
-    cloud.row_step = POINT.itemsize * len(events)
-    cloud.is_dense = True
-    # An array of bytes is moved, a numpy array would be copied element by element.
-    cloud.data = array.array('B', points.tobytes())
-    return cloud
+    return _cloud(points, _FIELDS, stamp)
 
 
 def cloud_from_records(records: npt.NDArray[np.void], stamp: Time) -> PointCloud2:
@@ -76,6 +65,11 @@ def cloud_from_records(records: npt.NDArray[np.void], stamp: Time) -> PointCloud
     fields = [
         PointField(name=name, offset=offset, datatype=kinds[dtype.str], count=1)
         for name, (dtype, offset, *_) in (records.dtype.fields or {}).items()]
+    return _cloud(records, fields, stamp)
+
+
+def _cloud(records: npt.NDArray[np.void], fields: list[PointField], stamp: Time) -> PointCloud2:
+    # An array of bytes is moved; a numpy array would be copied element by element.
     return PointCloud2(
         header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=1, width=len(records),
         fields=fields, is_bigendian=False, point_step=records.dtype.itemsize,
@@ -92,7 +86,7 @@ def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time) -> Image:
 
 
 def events_from_cloud(cloud: PointCloud2) -> EventArray:
-    """Return the EVENT array in a PointCloud2; ValueError says what does not fit."""
+    """Return the EVENT array in a PointCloud2; ValueError names what does not fit."""
     if cloud.height > 1 and cloud.row_step != cloud.width * cloud.point_step:
         raise ValueError(
             f'cloud has row_step {cloud.row_step} for {cloud.width} points of {cloud.point_step}')
@@ -126,12 +120,6 @@ def diagnostic_array(name: str, hardware_id: str, level: str, message: str,
                      values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
     """Return a DiagnosticArray with one status; floats are written with all their digits."""
     status = DiagnosticStatus(
-        level=LEVELS[level],
-        name=name,
-        message=message,
-        hardware_id=hardware_id,
-        values=[
-            KeyValue(key=key, value=text) for key, text in texts(values).items()
-        ],
-    )
+        level=LEVELS[level], name=name, message=message, hardware_id=hardware_id,
+        values=[KeyValue(key=key, value=text) for key, text in texts(values).items()])
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])

@@ -1,4 +1,4 @@
-"""The table of all parameters, and how a node declares and guards them."""
+"""The table of all ROS parameters, and how a node declares and guards them."""
 
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
@@ -49,7 +49,7 @@ class Specification:
         return descriptor
 
     def check(self, value: object) -> Value:
-        """Return a value of the right type and range; ValueError names the offending one."""
+        """Return a value of the right type and range; ValueError names a wrong one."""
         wanted = type(self.default)
         if wanted is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
@@ -66,7 +66,7 @@ class Specification:
 
 
 def shown(value: object) -> str:
-    """Return a value as part of a line: its beginning, where it is long."""
+    """Return a value for use in a line: its beginning where it is long."""
     text = repr(value)
     return text if len(text) <= 80 else f'{text[:77]}...'
 
@@ -87,30 +87,30 @@ SIMULATOR: Final = (
                   high=simulation.NOISE_MAXIMUM),
     Specification('rate', 100.0, 'speed; 0 = as fast as the readers keep up',
                   'drive periods per second', 0.0, 1e7),
-    Specification('alpha_target', 0.48, 'where a ramp of alpha leads', low=0.0,
+    Specification('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0,
                   high=model.ALPHA_MAXIMUM),
-    Specification('alpha_rate', 0.0, 'change of alpha at the end of every drive period while it '
-                  'is not at alpha_target; 0 = no ramp, and becomes 0 at its end or when alpha is '
+    Specification('alpha_rate', 0.0, 'change of alpha at the end of every drive period until it '
+                  'reaches alpha_target; 0 = no ramp; it becomes 0 when the ramp ends or alpha is '
                   'set', '1 per drive period', 0.0, 1.0),
-    Specification('initial_phase', 0.0, 'drive phase at start and reset', 'rad', 0.0,
+    Specification('initial_phase', 0.0, 'initial drive phase, also after a reset', 'rad', 0.0,
                   _BELOW_TWO_PI),
-    Specification('initial_displacement', 0.0, 'displacement at start and reset', low=-1.0,
-                  high=0.0),
-    Specification('initial_velocity', -0.5, 'velocity at start and reset',
+    Specification('initial_displacement', 0.0, 'initial displacement, also after a reset',
+                  low=-1.0, high=0.0),
+    Specification('initial_velocity', -0.5, 'initial velocity, also after a reset',
                   low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
-    Specification('seed', 0, 'seed of the noise, used at start and reset', '', 0,
+    Specification('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
                   simulation.SEED_MAXIMUM),
     Specification('omega', 2.0 * math.pi, 'drive frequency, for the stamps: time is tau/omega',
                   'rad/s', 1e-6, 1e9, read_only=True),
-    Specification('tick', 0.02, 'one batch is published so often', 's', 0.001, 10.0,
+    Specification('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0,
                   read_only=True),
     Specification('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0,
                   read_only=True),
-    Specification('backlash_angle', 0.01, 'backlash, which scales the joint states', 'rad', 1e-9,
+    Specification('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9,
                   1.0, read_only=True),
     Specification('publish_clock', False, 'publish the simulated time on /clock', '',
                   read_only=True),
-    Specification('wait_for_readers', 0, 'begin when impacts has so many subscriptions',
+    Specification('wait_for_readers', 0, 'begin when impacts has this number of subscriptions',
                   'subscriptions', 0, 1000, read_only=True),
 )
 LYAPUNOV: Final = (
@@ -126,49 +126,53 @@ TRANSIENTS: Final = (
 BASIN: Final = (
     Specification('size', 800, 'edge of the finest picture; the first has 50, each next one twice '
                   'as many', 'cells', 50, 4000, read_only=True),
-    Specification('plane', 'section', 'of the starts: section (on the wall they move into, so '
-                  'that every impact lies in its own basin) or displacement', '', read_only=True),
-    Specification('displacement', 0.0, 'of all starts, with plane = displacement', low=-1.0,
-                  high=0.0, read_only=True),
-    Specification('velocity_limit', 0.0, 'the plane has velocities up to this either way; 0 = to '
-                  'suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM, read_only=True),
-    Specification('cap', 20000, 'a start that has not settled then stays unsettled', 'impacts',
-                  100, 10000000, read_only=True),
-    Specification('threads', 2, 'that compute', 'threads', 1, 256, read_only=True),
-    Specification('niceness', 10, 'of the first picture: 0 = as important as others, 19 = least, '
-                  'as finer ones have', '', 0, 19, read_only=True),
+    Specification('plane', 'section', 'plane of the initial conditions: section (on the wall they '
+                  'move towards, so that every impact lies in its own basin) or displacement', '',
+                  read_only=True),
+    Specification('displacement', 0.0, 'displacement of all initial conditions where plane = '
+                  'displacement', low=-1.0, high=0.0, read_only=True),
+    Specification('velocity_limit', 0.0, 'highest velocity of the plane, in both directions; 0 = '
+                  'chosen to suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM,
+                  read_only=True),
+    Specification('cap', 20000, 'impacts after which an initial condition counts as unsettled',
+                  'impacts', 100, 10000000, read_only=True),
+    Specification('threads', 2, 'number of computing threads', 'threads', 1, 256, read_only=True),
+    Specification('niceness', 10, 'niceness of the first picture: 0 = as important as other '
+                  'processes, 19 = least, as for finer pictures', '', 0, 19, read_only=True),
 )
 RECORDER: Final = (
-    Specification('output', '', 'bag directory to make; empty = rosbag2_DATE-TIME here', '',
+    Specification('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', '',
                   read_only=True),
-    Specification('compression', 'zstd', 'of the chunks: zstd, lz4 or none', '', read_only=True),
-    Specification('max_bag_size', 0, 'begin another file of the bag when one is so large; 0 = '
-                  'never', 'bytes', 0, 2**53, read_only=True),
-    Specification('max_bag_duration', 3600, 'begin another file when one spans so much time; its '
-                  'index is in memory until then; 0 = never', 's', 0, 10**9, read_only=True),
+    Specification('compression', 'zstd', 'compression of the chunks: zstd, lz4 or none', '',
+                  read_only=True),
+    Specification('max_bag_size', 0, 'size at which another file of the bag begins; 0 = never',
+                  'bytes', 0, 2**53, read_only=True),
+    Specification('max_bag_duration', 3600, 'duration at which another file begins; the index of '
+                  'a file is in memory until then; 0 = never', 's', 0, 10**9, read_only=True),
 )
 REPLAY: Final = (
     Specification('bag', '', 'bag directory or .mcap file', '', read_only=True),
-    Specification('speed', 1.0, 'times the recorded timing; 0 = as fast as the readers keep up',
-                  '1', 0.0, 1e6, read_only=True),
-    Specification('start', 0.0, 'begin so long after the first message', 's', 0.0, 1e12,
+    Specification('speed', 1.0, 'speed in units of the recorded one; 0 = as fast as the readers '
+                  'keep up', '1', 0.0, 1e6, read_only=True),
+    Specification('start', 0.0, 'time after the first message at which to begin', 's', 0.0, 1e12,
                   read_only=True),
-    Specification('end', 0.0, 'stop so long after the first message; 0 = at the end', 's', 0.0,
-                  1e12, read_only=True),
+    Specification('end', 0.0, 'time after the first message at which to stop; 0 = at the end', 's',
+                  0.0, 1e12, read_only=True),
     Specification('loop', False, 'begin again at the end', '', read_only=True),
     Specification('clock', False, 'publish the recorded time on /clock', '', read_only=True),
-    Specification('topics', '', 'names divided by blanks; empty = all but /diagnostics and '
-                  '/parameter_events', '', read_only=True),
-    Specification('wait_for_readers', 0, 'begin when a topic has so many subscriptions; 0 = when '
-                  'their number has not changed for 1 s', 'subscriptions', 0, 1000,
+    Specification('topics', '', 'names of topics, separated by blanks; empty = all but '
+                  '/diagnostics and /parameter_events', '', read_only=True),
+    Specification('wait_for_readers', 0, 'begin when a topic has this number of subscriptions; 0 '
+                  '= when the number has not changed for 1 s', 'subscriptions', 0, 1000,
                   read_only=True),
 )
 VIEWER: Final = (
     Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '
                   'is a display, else web, or none beside a file', '', read_only=True),
-    Specification('save', '', 'file to write as well (.rrd); empty = none', '', read_only=True),
+    Specification('save', '', 'file to write, too (.rrd); empty = none', '', read_only=True),
     Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535, read_only=True),
-    Specification('colour', 'age', 'what colours the section: age or alpha', '', read_only=True),
+    Specification('colour', 'age', 'quantity that colours the section: age or alpha', '',
+                  read_only=True),
 )
 TELEOP: Final = (
     Specification('simulator', 'simulator', 'name of the node to steer, in any namespace', '',
@@ -177,7 +181,7 @@ TELEOP: Final = (
                   read_only=True),
     Specification('fine', 0.0005, 'step of alpha by an arrow key with shift', low=1e-12,
                   high=10.0, read_only=True),
-    Specification('ramp_rate', 1e-5, 'change of alpha in a ramp, where none is typed in',
+    Specification('ramp_rate', 1e-5, 'change of alpha in a ramp where none is typed',
                   '1 per drive period', 1e-12, 1.0, read_only=True),
 )
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
@@ -194,9 +198,9 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
 
 def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
     """
-    Declare a table on a node made with its overrides declared; ValueError names a bad one.
+    Declare a table on a node whose overrides are declared; ValueError names a bad one.
 
-    An integer is taken for a double, and a name that is in no table is refused.
+    An integer is accepted for a double; a name that is not in the table is refused.
     """
     names = [specification.name for specification in table]
     given = {
@@ -222,19 +226,19 @@ def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
 def guard(node: Node, table: Sequence[Specification],
           validate: Callable[[dict[str, Value]], None],
           apply: Callable[[dict[str, Value]], None]) -> None:
-    """Let the live parameters of a table be set, all or none, with a reason where refused."""
+    """Let the parameters of a table be set live, all or none, or refuse them with a reason."""
     specifications = {specification.name: specification for specification in table}
 
     def promote(parameters: list[Parameter]) -> list[Parameter]:
         return [
             Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
-            if parameter.type_ == Parameter.Type.INTEGER
-            and isinstance(_default(specifications, parameter.name), float) else parameter
+            if parameter.type_ == Parameter.Type.INTEGER and parameter.name in specifications
+            and isinstance(specifications[parameter.name].default, float) else parameter
             for parameter in parameters
         ]
 
     def accept(parameters: list[Parameter]) -> SetParametersResult:
-        # Whatever goes wrong here would end the node: it becomes the answer instead.
+        # An exception would end the node: it becomes the answer instead.
         try:
             validate({
                 parameter.name: specifications[parameter.name].check(parameter.value)
@@ -253,8 +257,3 @@ def guard(node: Node, table: Sequence[Specification],
     node.add_pre_set_parameters_callback(promote)
     node.add_on_set_parameters_callback(accept)
     node.add_post_set_parameters_callback(put)
-
-
-def _default(specifications: Mapping[str, Specification], name: str) -> Value | None:
-    specification = specifications.get(name)
-    return None if specification is None else specification.default

@@ -1,4 +1,4 @@
-"""YAML that anybody may have written: read as plain data, never executed, refused by one error."""
+"""YAML from any source: read as plain data, never executed, refused with one error."""
 
 from typing import Any
 
@@ -6,11 +6,11 @@ import yaml
 
 
 def read_yaml(text: str) -> Any:
-    """Return what it says; ValueError, in one line, where it is no YAML."""
+    """Return the data; ValueError, in one line, where the text is not YAML."""
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise ValueError(f'is no YAML: {" ".join(str(error).split())}') from error
+        raise ValueError(f'is not YAML: {" ".join(str(error).split())}') from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-        # What yaml makes of a bad date, number or nesting is not always an error of its own.
-        raise ValueError(f'is no YAML: {type(error).__name__}') from error
+        # For a bad date, number or nesting yaml does not always raise an error of its own.
+        raise ValueError(f'is not YAML: {type(error).__name__}') from error

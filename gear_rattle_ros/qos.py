@@ -1,41 +1,27 @@
-"""Named quality-of-service profiles, and how the stream is kept whole."""
+"""Named quality-of-service profiles."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-# Batches a publisher keeps for readers that have not acknowledged them.
+# Batches that a publisher keeps for readers that have not acknowledged them.
 STREAM_DEPTH = 1000
 
+
+def profile(depth: int, *, is_reliable: bool = True, is_latched: bool = False) -> QoSProfile:
+    """Return a profile that keeps the last `depth` messages, or all of them where that is 0."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST if depth else HistoryPolicy.KEEP_ALL,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE)
+
+
 # Everything that must not be lost.
-STREAM = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=STREAM_DEPTH,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-# How our own nodes read it: a full reader refuses and so holds the writer up, where keep_last
-# would drop the oldest batch in silence.
-STREAM_INPUT = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-# For those who want the newest batch alone: it is acknowledged at once, whoever reads it or not.
-NEWEST = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-# The present state of something, for those who come late too.
-LATCHED = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-CLOCK = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+STREAM = profile(STREAM_DEPTH)
+# How the nodes of the package read it: a full reader refuses and so holds the writer up, where
+# one that keeps the last would drop the oldest batch in silence.
+STREAM_INPUT = profile(0)
+# The newest batch only: it is acknowledged at once, whether or not it is read.
+NEWEST = profile(1)
+# The present state of something, also for readers that join later.
+LATCHED = profile(1, is_latched=True)
+CLOCK = profile(1, is_reliable=False)

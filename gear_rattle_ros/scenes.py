@@ -1,9 +1,9 @@
 """
-Scenes: situations of the paper by name, as files say them.
+Scenes: situations of the paper by name, read from files.
 
-A scene is a YAML file: a title, a text and steps. A step sets parameters of the simulator, resets
-the state if it says so, and lasts its seconds, or longer: until a ramp of alpha that it began has
-arrived. The first step always resets, and what it does not say is as in `START`.
+A scene is a YAML file with a title, a text and steps. A step sets parameters of the simulator,
+may reset the state, and lasts its seconds, or longer: until a ramp of alpha that it began ends.
+The first step always resets; parameters that it leaves out are as in `START`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from .places import config_folder
 from .plain_yaml import read_yaml
 
 Number: TypeAlias = int | float
-# Everything of the simulator that changes live; alpha itself a scene has to say.
+# The parameters of the simulator that change live, except alpha, which a scene has to set.
 START: Final[Mapping[str, Number]] = types.MappingProxyType({
     'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9, 'noise': 0.0, 'seed': 0, 'rate': 1000.0,
     'initial_phase': 0.0, 'initial_displacement': 0.0, 'initial_velocity': -1.0,
@@ -34,7 +34,7 @@ LIMITS: Final[Mapping[str, tuple[float, float]]] = types.MappingProxyType({
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """What to set [units of the simulator's parameters], whether to reset, how long it lasts."""
+    """Parameters to set, in the simulator's units; duration [s]; whether to reset the state."""
 
     parameters: Mapping[str, Number]
     seconds: float
@@ -73,7 +73,7 @@ class Scene:
 
 
 class Performance:
-    """Tells when which of some steps is due, from the time and the alpha that is in force."""
+    """Finds the step that is due, from the time and the alpha in force."""
 
     def __init__(self, steps: Sequence[Step]) -> None:
         self._steps = steps
@@ -93,11 +93,11 @@ class Performance:
         return self._steps[self._next - 1]
 
     def _has_ended(self, now: float, alpha: float) -> bool:
-        """Whether the step that was begun last has ended; none has, before the first."""
+        """Whether the latest step has ended; True before the first."""
         if self._next == 0:
             return True
         step = self._steps[self._next - 1]
-        # What is asked for and what is in force may differ in the last digit.
+        # The requested value and the one in force may differ in the last digit.
         arrived = step.ramps_to is None or math.isclose(alpha, step.ramps_to, rel_tol=1e-12)
         return arrived and now >= self._began + step.seconds
 
@@ -121,16 +121,16 @@ def find_scene(name: str) -> Scene:
 
 
 def read_scene(path: Path) -> Scene:
-    """Read one scene; ValueError says what is wrong with it."""
+    """Read one scene; ValueError names what is wrong with it."""
     try:
         content = read_yaml(path.read_text(encoding='utf-8'))
     except ValueError as error:
         raise ValueError(f'{path} {error}') from error
     if not isinstance(content, dict) or content.keys() != {'title', 'text', 'steps'}:
-        raise ValueError(f'{path} must say title, text and steps, nothing else')
+        raise ValueError(f'{path} must have title, text and steps, and nothing else')
     given = content['steps']
     if not isinstance(given, list) or not given:
-        raise ValueError(f'{path}: steps = {given!r} is no list of steps')
+        raise ValueError(f'{path}: steps = {given!r} is not a list of steps')
     steps: list[Step] = []
     known: dict[str, Number] = {}
     for number, item in enumerate(given, 1):
@@ -147,7 +147,7 @@ def read_scene(path: Path) -> Scene:
 
 def _step(item: Any, first: bool) -> Step:
     if not isinstance(item, dict) or not item.keys() <= {'parameters', 'reset', 'seconds'}:
-        raise ValueError(f'{item!r} may say parameters, reset and seconds, nothing else')
+        raise ValueError(f'{item!r} may have parameters, reset and seconds, and nothing else')
     parameters, reset, seconds = (
         item.get(name, default) for name, default in (
             ('parameters', {}), ('reset', first), ('seconds', 0.0)))
@@ -167,14 +167,14 @@ def _step(item: Any, first: bool) -> Step:
         parameters = {**START, 'alpha_target': parameters['alpha'], **parameters}
     if parameters.get('alpha_rate', 0.0) > 0.0 and 'alpha_target' not in parameters:
         raise ValueError('a ramp needs alpha_target beside alpha_rate')
-    # Sent as they are, an integer would not be taken for a double everywhere.
+    # An integer would not be accepted for a double everywhere.
     return Step(types.MappingProxyType({
         name: value if name == 'seed' else float(value) for name, value in parameters.items()}),
         float(seconds), reset or first)
 
 
 def _check(known: Mapping[str, Number]) -> None:
-    """Let the model say whether it takes the parameters in force."""
+    """Raise ValueError where the model refuses the parameters in force."""
     Parameters(*(float(known[name]) for name in ('alpha', 'beta', 'gamma', 'restitution')))
     Parameters(alpha=float(known['alpha_target']))
     State(0, *(float(known[f'initial_{name}']) for name in ('phase', 'displacement', 'velocity')))

@@ -2,7 +2,7 @@
 The table of executables, and how each starts.
 
 Importing rclpy and numba takes a second, in which a signal would leave a traceback: everything
-is imported only when Ctrl-C and SIGTERM are taken care of. Only the standard library here.
+is imported only when Ctrl-C and SIGTERM are handled. Here only the standard library is imported.
 """
 
 from collections.abc import Callable
@@ -41,8 +41,8 @@ EXECUTABLES = {
     'viewer': 'nodes.viewer.node',
 }
 
-# What libraries read of the environment while they are imported. Rerun would warn of a file
-# without an index, which the viewer gives it in the end.
+# Variables that libraries read while they are imported. Rerun would warn of a file without an
+# index, which the viewer adds at the end.
 ENVIRONMENT = {
     'viewer': {'RUST_LOG': 'warn,re_log_encoding::rrd::file_sink=error'},
 }
@@ -66,10 +66,10 @@ def start(name: str) -> NoReturn:
         missing = (error.name or '').split('.')[0]
         if missing == __package__:
             raise
-        print(f'{name}: the Python package {missing} is not installed; the README says how',
+        print(f'{name}: the Python package {missing} is not installed; see the README',
               file=sys.stderr)
         status = 2
-    # What was open has been closed; taking LLVM and DDS apart as well would cost half a second.
+    # Everything that was open is closed; taking LLVM and DDS down too would cost half a second.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)

@@ -116,9 +116,9 @@ def test_steps_wait_for_time_and_ramp() -> None:
 
 
 @pytest.mark.parametrize(('text', 'words'), [
-    ('title: x\n', 'must say title, text and steps'),
-    ('title: [', 'is no YAML'),
-    ('title: x\ntext: y\nsteps: []\n', 'steps = [] is no list of steps'),
+    ('title: x\n', 'must have title, text and steps'),
+    ('title: [', 'is not YAML'),
+    ('title: x\ntext: y\nsteps: []\n', 'steps = [] is not a list of steps'),
     ('title: x\ntext: y\nsteps: [{seconds: 3}]\n', 'step 1: the first step must set alpha'),
     ('title: x\ntext: y\nsteps: [{parameters: {alhpa: 1}}]\n', "unknown parameter 'alhpa'"),
     ('title: x\ntext: y\nsteps: [{parameters: {alpha: -1}}]\n', 'alpha = -1.0'),

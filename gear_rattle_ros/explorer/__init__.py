@@ -1,1 +1,1 @@
-"""A local web page on which the plane of initial conditions is looked at and touched."""
+"""A local web page for exploring the plane of initial conditions."""

@@ -1,4 +1,4 @@
-"""The attractors at every parameter that has been looked at: quickly first, then thoroughly."""
+"""The attractors at every parameter of a view: from a quick search, then a thorough one."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -15,25 +15,25 @@ from ..attractors.plane import Plane
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 
-# The quick search: starts, and impacts for which they are followed.
+# Initial conditions of the quick search, and the impacts for which they are followed.
 QUICK_STARTS: Final = 200
 QUICK_HOLD: Final = 2_000
 SEED: Final = 1
-# Parameters that are remembered.
+# Number of parameters whose attractors are remembered.
 KEPT: Final = 256
-# How often one who waits for a search looks whether he still wants it [s].
+# Interval at which a caller that waits for a search checks whether it is still wanted [s].
 GLANCE: Final = 0.02
 
 Key = tuple[Parameters, float, bool]
 
 
 class GivenUp(Exception):
-    """Something else is wanted, or nothing any more."""
+    """Something else is wanted, or nothing at all."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """What a search has found, and whether nothing was left to a more thorough one."""
+    """The result of a search; complete where a thorough search would find no more."""
 
     catalogue: Catalogue
     is_complete: bool = True
@@ -48,21 +48,20 @@ class Catalogues:
         self._searching = threading.Lock()
 
     def quick(self, view: View) -> Known:
-        """Tell what a quick search finds: chaotic attractors only if they are known already."""
+        """Return the result of a quick search; chaotic attractors only where already known."""
         known = self._get(_key(view))
         if known is None:
             found = find_attractors(view.parameters, _random(view, QUICK_STARTS), hold=QUICK_HOLD,
                                     chaotic=False)
-            # What the last look at a few has not settled is nearly always chaos, or a long way.
-            is_complete = not np.any(found.labels == UNSETTLED)
-            known = self._put(_key(view), Known(found, is_complete=is_complete))
+            # What has not settled after a last look is nearly always chaos or a long transient.
+            known = self._put(_key(view), Known(found, not np.any(found.labels == UNSETTLED)))
         return known
 
     def complete(self, view: View, check: Callable[[], None]) -> Known:
         """
-        Tell what a thorough search finds; `check` is called often and raises to give it up.
+        Return the result of a thorough search; `check` is called often and raises to abandon it.
 
-        Chaotic attractors, too, unless the picture is of lifetimes, where chaos is transient.
+        It finds chaotic attractors, too, unless the view is of lifetimes: there chaos must end.
         """
         key = _key(view)
         known = self._get(key)
@@ -84,7 +83,7 @@ class Catalogues:
         return known
 
     def add(self, view: View, catalogue: Catalogue) -> None:
-        """Remember the orbits of a catalogue that no random start has reached."""
+        """Remember the orbits of a catalogue that no random initial condition has reached."""
         known = self.quick(view)
         self._put(_key(view), dataclasses.replace(
             known, catalogue=known.catalogue.with_orbits(catalogue.late)))

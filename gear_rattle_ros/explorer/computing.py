@@ -1,4 +1,4 @@
-"""Computing a view coarse to fine, in steps so short that it can be given up at any time."""
+"""Computes a view from coarse to fine, in steps short enough to be abandoned at any time."""
 
 from collections.abc import Callable, Iterator
 import dataclasses
@@ -14,53 +14,34 @@ from ..attractors.catalogue import Catalogue
 from ..attractors.refining import FIRST_CAP, Level, refine
 from ..studies.exponents import finite_time_exponents
 
-# A level is shown anew so often while it is computed [s].
+# Interval at which a level is shown while it is computed [s].
 SHOWN_EVERY: Final = 0.4
-# A thorough search begins when the view has been left alone for so long [s].
+# Time for which a view must be left alone before a thorough search begins [s].
 SETTLED_AFTER: Final = 0.15
 
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """
-    A view as far as it is known.
-
-    Attributes
-    ----------
-    view : View
-        What was asked for.
-    cells : int
-        Cells along an edge.
-    done : float
-        Share of them that is computed; the rest is from the level before [1].
-    known : Known
-        What the labels mean.
-    labels : ndarray of int16, shape (cells, cells)
-        Attractor of every start, velocity first.
-    lifetimes : ndarray of int32, shape (cells, cells)
-        Impacts until it has settled.
-    exponents : ndarray of float32, shape (cells, cells), or None
-        Finite-time exponent [1], where it is asked for.
-    seconds : float
-        Since the computing began [s].
-    is_last : bool
-        Whether nothing finer follows.
-
-    """
+    """A view as far as it is computed; arrays have the shape (cells, cells), velocity first."""
 
     view: View
     cells: int
+    # Share of the cells that is computed; the others are from the level before [1].
     done: float
+    # What the labels mean.
     known: Known
     labels: npt.NDArray[np.int16]
+    # Impacts until the trajectory has settled.
     lifetimes: npt.NDArray[np.int32]
+    # Finite-time exponents where the view is of them [1].
     exponents: npt.NDArray[np.float32] | None
+    # Since the computation began [s].
     seconds: float
     is_last: bool = False
 
 
 def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> Iterator[Picture]:
-    """Compute a view, finer and finer; `check` is called often and raises to give up."""
+    """Compute a view, finer and finer; `check` is called often and raises to abandon it."""
     begin = time.monotonic()
     known = catalogues.quick(view)
 
@@ -77,7 +58,10 @@ def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> I
         level = level_of(cells, FIRST_CAP)
         yield level, known.catalogue
         if is_provisional(level):
-            _leave_alone(SETTLED_AFTER, check)
+            settled = time.monotonic() + SETTLED_AFTER
+            while time.monotonic() < settled:
+                check()
+                time.sleep(0.01)
             known = catalogues.complete(view, check)
             level = level_of(cells, CAP)
             yield level, known.catalogue
@@ -94,7 +78,7 @@ def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> I
         if view.kind == EXPONENTS:
             since = time.monotonic()
             if len(exponents) != cells:
-                # What is known of the level before stands in until the finer one is computed.
+                # The level before is shown until the finer one is computed.
                 rows = np.arange(cells) * len(exponents) // cells
                 exponents, grown = exponents[np.ix_(rows, rows)], 0
             last = cells if is_done else level.due[0] // cells
@@ -109,10 +93,3 @@ def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> I
             level.labels.copy(), level.lifetimes.copy(),
             exponents.copy() if view.kind == EXPONENTS else None, time.monotonic() - begin,
             is_done and not is_provisional(level) and not following(cells, level.spent, view))
-
-
-def _leave_alone(seconds: float, check: Callable[[], None]) -> None:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        check()
-        time.sleep(0.01)

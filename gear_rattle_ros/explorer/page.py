@@ -1,4 +1,4 @@
-"""One page: what is asked for, what is shown, and the hands on it."""
+"""One page: the present view, the figures, and the controls."""
 
 from collections.abc import Callable
 import dataclasses
@@ -19,24 +19,23 @@ from .saving import Saving
 from .simulator_link import SimulatorLink
 from .trajectory import follow, Trajectory
 from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
-from .view import BASINS, KINDS, View
+from .view import KINDS, View
 from .worker import Worker
-from ..core.model import Parameters
 from ..core.words import counted
 
 TITLE = 'Gear rattle explorer'
-# Phase [rad], displacement and velocity [1] of the trajectory that is shown at first.
+# Phase [rad], displacement and velocity [1] of the first trajectory.
 FIRST_POINT = (4.0, 0.0, -0.5)
-# Name, symbol, range, step of a slider.
+# Name, title, range and step of each slider.
 SLIDERS = (('alpha', 'α drive', 0.0, 2.0, 0.001), ('beta', 'β damping', 0.0, 1.0, 0.005),
            ('gamma', 'γ load', -0.5, 0.5, 0.005),
            ('restitution', 'r restitution', 0.0, 1.0, 0.005),
-           ('displacement', 's₀ start', -1.0, 0.0, 0.01))
+           ('displacement', 's₀ initial', -1.0, 0.0, 0.01))
 
 
 @dataclasses.dataclass(frozen=True)
 class Shared:
-    """What all pages of a server share."""
+    """What the pages of a server share."""
 
     catalogues: Catalogues
     link: SimulatorLink
@@ -55,7 +54,8 @@ class Page:
         self._trajectory: Trajectory | None = None
         self._waiting: Picture | None = None
         self._lock = threading.Lock()
-        self._plane = PlaneFigure(view, self._move, self._click)
+        self._plane = PlaneFigure(
+            view, lambda phase, velocity: self._ask(phase=phase, velocity=velocity), self._click)
         self._figures = TrajectoryFigures()
         self._legend = Div(name='legend', width=WIDTH, height=36,
                            styles={'font-size': '12px', 'line-height': '1.5'})
@@ -77,21 +77,20 @@ class Page:
         self._click(phase, velocity)
 
     def close(self) -> None:
-        """End everything that works for this page."""
+        """Stop all work for this page."""
         self._worker.stop()
         self._saving.stop()
 
     def _lay_out(self) -> None:
-        view = self._view
         for name, title, low, high, step in SLIDERS:
             wide = name == 'alpha'
             slider = Slider(name=name, title=title, start=low, end=high, step=step,
-                            value=self._value(view, name), format='0.000',
+                            value=self._value(name), format='0.000',
                             width=RIGHT_WIDTH - 140 if wide else RIGHT_WIDTH // 4 - 14)
             slider.on_change('value', functools.partial(self._slide, name))
             self._sliders[name] = slider
         self._alpha.on_change('value', self._type_alpha)
-        self._kind.on_change('active', self._choose)
+        self._kind.on_change('active', lambda attr, old, new: self._ask(kind=KINDS[new]))
         home = Button(name='home', label='whole plane', width=100)
         home.on_click(self._go_home)
         save = Button(name='save', label='save this view', width=110, button_type='primary')
@@ -99,8 +98,7 @@ class Page:
         send = Button(name='send', label='send the point to the simulator', width=220,
                       button_type='success')
         send.on_click(self._send)
-        title = Div(text=f'<b style="font-size:15px">{TITLE}</b>',
-                    width=226)
+        title = Div(text=f'<b style="font-size:15px">{TITLE}</b>', width=226)
         left = column(row(title, self._kind, home), self._plane.figure, self._legend,
                       self._status)
         right = column(
@@ -111,9 +109,8 @@ class Page:
         self._document.add_root(row(left, right, spacing=8))
         self._document.title = TITLE
 
-    @staticmethod
-    def _value(view: View, name: str) -> float:
-        owner = view if name == 'displacement' else view.parameters
+    def _value(self, name: str) -> float:
+        owner = self._view if name == 'displacement' else self._view.parameters
         return float(getattr(owner, name))
 
     def _ask(self, **changes: object) -> None:
@@ -126,27 +123,21 @@ class Page:
             self._view = view
             self._worker.ask(view)
 
-    def _ask_model(self, parameters: Parameters) -> None:
-        self._ask(parameters=parameters)
-        self._follow_again()
-
-    def _move(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
-        self._ask(phase=phase, velocity=velocity)
-
-    def _choose(self, attr: str, old: int, new: int) -> None:
-        self._ask(kind=KINDS[new])
+    def _ask_again(self, **changes: object) -> None:
+        """Ask for a view in which the clicked point has another trajectory."""
+        self._ask(**changes)
+        self._click(*self._clicked)
 
     def _slide(self, name: str, attr: str, old: float, new: float) -> None:
         value = float(new)
-        if value == self._value(self._view, name):
+        if value == self._value(name):
             return
         if name == 'displacement':
-            self._ask(displacement=value)
-            self._follow_again()
+            self._ask_again(displacement=value)
             return
-        self._ask_model(dataclasses.replace(self._view.parameters, **{name: value}))
+        self._ask_again(parameters=dataclasses.replace(self._view.parameters, **{name: value}))
         if name == 'alpha':
-            # It then finds nothing new in its own callback.
+            # Its own callback then finds nothing new.
             self._alpha.value = value
 
     def _type_alpha(self, attr: str, old: float | None, value: float | None) -> None:
@@ -157,13 +148,13 @@ class Page:
         except ValueError as error:
             self._tell(str(error), False)
             return
-        self._ask_model(parameters)
+        self._ask_again(parameters=parameters)
         slider = self._sliders['alpha']
         slider.update(end=max(slider.end, value), value=value)
 
     def _go_home(self) -> None:
         self._plane.go_to(self._home.phase, self._home.velocity)
-        self._move(self._home.phase, self._home.velocity)
+        self._ask(phase=self._home.phase, velocity=self._home.velocity)
 
     def _click(self, phase: float, velocity: float) -> None:
         view = self._view
@@ -177,9 +168,6 @@ class Page:
         self._figures.show(self._trajectory)
         self._figures.motion.title.text = self._words(self._trajectory)
 
-    def _follow_again(self) -> None:
-        self._click(*self._clicked)
-
     @staticmethod
     def _words(trajectory: Trajectory) -> str:
         state = trajectory.state
@@ -187,7 +175,7 @@ class Page:
                  f'{state.velocity:.10g}')
         impacts = counted(len(trajectory.phases), 'impact')
         if trajectory.rests:
-            return f'{words}: rests for ever after {impacts}'
+            return f'{words}: permanently at rest after {impacts}'
         if trajectory.sticks:
             words += f': sticks {counted(trajectory.sticks, "time")} in {impacts}'
         return words
@@ -202,7 +190,7 @@ class Page:
             *self._shared.link.send(trajectory.state, parameters))).start()
 
     def _offer(self, picture: Picture) -> None:
-        """Take a picture from the worker; one that has not been drawn yet is replaced."""
+        """Take a picture from the worker, in place of one that has not been drawn yet."""
         with self._lock:
             is_first = self._waiting is None
             self._waiting = picture
@@ -220,7 +208,7 @@ class Page:
         view = picture.view
         limit = view.limit()
         done = '' if picture.done == 1.0 else f' ({picture.done:.0%})'
-        more = '' if picture.is_last else ', going on'
+        more = '' if picture.is_last else ', refining'
         text = (f'{picture.cells} × {picture.cells}{done}{more}, {picture.seconds:.2f} s; window '
                 f'{view.phase[1] - view.phase[0]:.3g} rad × '
                 f'{view.velocity[1] - view.velocity[0]:.3g}')
@@ -232,8 +220,3 @@ class Page:
 
     def _tell_later(self, text: str, is_good: bool) -> None:
         self._document.add_next_tick_callback(lambda: self._tell(text, is_good))
-
-
-def first_view(alpha: float) -> View:
-    """Return the view with which a page begins."""
-    return View(Parameters(alpha=alpha), kind=BASINS)

@@ -1,4 +1,4 @@
-"""Pictures of a view as pixels, and the legend in words."""
+"""Pictures of a view as pixels, and their legend."""
 
 from collections.abc import Sequence
 import dataclasses
@@ -21,7 +21,7 @@ from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb
 NAMES: Final = {
     UNSETTLED: f'unsettled after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
     RESTS_LOWER: 'at rest, lower wall', FLOATING: 'floating between the walls'}
-# Settling slowly looks so much darker in a picture of basins.
+# How much darker the cells that settle slowly are in a picture of basins.
 DARKEST: Final = 0.42
 
 Pixels = npt.NDArray[np.uint8]
@@ -29,7 +29,7 @@ Pixels = npt.NDArray[np.uint8]
 
 @dataclasses.dataclass(frozen=True)
 class Colours:
-    """The colours and names of labels on one page, which stay while parameters move."""
+    """The colours and names of labels on one page, which stay while parameters change."""
 
     traces: tuple[Trace, ...] = ()
     by_label: dict[int, str] = dataclasses.field(default_factory=lambda: dict(ENDS))
@@ -47,7 +47,7 @@ class Colours:
 
 
 def paint(picture: Picture, colours: Colours) -> Pixels:
-    """Paint a picture: red, green, blue, opacity of every cell, the lowest velocity first."""
+    """Return red, green, blue and opacity of every cell, the lowest velocity first."""
     slowness = np.log(np.maximum(picture.lifetimes, 1)) / math.log(CAP)
     if picture.exponents is not None:
         return _paint_exponents(picture.exponents)
@@ -65,31 +65,27 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
 
 
 def span_of(exponents: npt.NDArray[np.floating]) -> float:
-    """Find within what all but the most extreme twentieth of some exponents lie [1]."""
+    """Return the bound of all but the most extreme twentieth of some exponents [1]."""
     finite = exponents[np.isfinite(exponents)]
     return max(1e-3, float(np.quantile(np.abs(finite), 0.95))) if len(finite) else 1.0
 
 
 def legend(picture: Picture, colours: Colours) -> str:
-    """Say in HTML what the colours mean."""
+    """Return the meaning of the colours, in HTML."""
     if picture.exponents is not None:
         reach = span_of(picture.exponents)
-        bar = _bar(EXPONENTS)
         lost = float(np.mean(np.isneginf(picture.exponents)))
-        words = (f'finite-time exponent over {SPAN} impacts [1]&ensp;−{reach:.2f} {bar} '
-                 f'+{reach:.2f}')
+        words = (f'finite-time exponent over {SPAN} impacts [1]&ensp;−{reach:.2f} '
+                 f'{_bar(EXPONENTS)} +{reach:.2f}')
         return words + (f'&emsp;{_swatch(FORGOTTEN)} sticks {lost:.1%}' if lost else '')
     shares = {int(label): count / picture.labels.size for label, count in zip(
         *np.unique(picture.labels, return_counts=True), strict=True)}
     if picture.view.kind == LIFETIMES:
         bar = _bar(list(Inferno256[::32]) + [Inferno256[-1]])
-        words = f'lifetime [impacts]&ensp;1 {bar} {CAP:,}'
-        if UNSETTLED in shares:
-            words += (f'&emsp;{_swatch(ENDS[UNSETTLED])} {colours.names[UNSETTLED]} '
-                      f'{shares[UNSETTLED]:.1%}')
-        return words
-    ordered = sorted(shares, key=lambda label: -shares[label])
-    most = 6
+        return f'lifetime [impacts]&ensp;1 {bar} {CAP:,}' + (
+            f'&emsp;{_swatch(ENDS[UNSETTLED])} {colours.names[UNSETTLED]} {shares[UNSETTLED]:.1%}'
+            if UNSETTLED in shares else '')
+    ordered, most = sorted(shares, key=lambda label: -shares[label]), 6
     words = '&emsp;'.join(
         f'{_swatch(colours.by_label[label])} {html.escape(colours.names[label])} '
         f'<b>{100.0 * shares[label]:.1f} %</b>' for label in ordered[:most])
@@ -99,8 +95,8 @@ def legend(picture: Picture, colours: Colours) -> str:
 def _paint_exponents(exponents: npt.NDArray[np.float32]) -> Pixels:
     share = np.nan_to_num(exponents / span_of(exponents), nan=0.0, posinf=1.0, neginf=-1.0)
     share = np.clip(share, -1.0, 1.0)[..., None]
-    falling, middle, parting = (np.array(rgb(colour)) for colour in EXPONENTS)
-    towards = np.where(share > 0.0, parting, falling)
+    falling, middle, growing = (np.array(rgb(colour)) for colour in EXPONENTS)
+    towards = np.where(share > 0.0, growing, falling)
     pixels = np.full((*exponents.shape, 4), 255, np.uint8)
     pixels[..., :3] = middle + (towards - middle) * np.abs(share)
     pixels[~np.isfinite(exponents), :3] = rgb(FORGOTTEN)

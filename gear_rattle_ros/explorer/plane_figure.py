@@ -1,7 +1,6 @@
-"""The figure of the plane: picture, pointer read-out, the point that was clicked."""
+"""The figure of the plane: picture, read-out at the pointer, the clicked point."""
 
 from collections.abc import Callable
-from typing import Any
 
 from bokeh.events import Tap
 from bokeh.models import (
@@ -17,15 +16,16 @@ from bokeh.models import (
 from bokeh.plotting import figure
 import numpy as np
 
-from .axes import phase_formatter, phase_ticker, plain_formatter, plain_ticker, read_out
+from .axes import formatter, read_out, ticker
 from .computing import Picture
 from .painting import Colours, paint
 from .view import NARROWEST, PHASE_BOUND, VELOCITY_BOUND, View
 from ..attractors.plane import TWO_PI
 
+Window = tuple[float, float]
 WIDTH = 618
 HEIGHT = 590
-# Stands for an exponent that there is none of; the browser would write NaN [1].
+# Replaces an exponent that is not known, for which the browser would write NaN [1].
 NONE = 1e9
 TIP = """
 <div style="font:12px system-ui,sans-serif;padding:1px 3px">
@@ -37,8 +37,7 @@ phase $x{custom} rad, velocity $y{custom}</div>
 class PlaneFigure:
     """The plane of initial conditions."""
 
-    def __init__(self, view: View, moved: Callable[[tuple[float, float], tuple[float, float]],
-                                                   None],
+    def __init__(self, view: View, moved: Callable[[Window, Window], None],
                  clicked: Callable[[float, float], None]) -> None:
         x_range = Range1d(*view.phase, bounds=(-PHASE_BOUND, PHASE_BOUND),
                           min_interval=NARROWEST, max_interval=TWO_PI)
@@ -56,10 +55,11 @@ class PlaneFigure:
         plot = self.figure
         plot.toolbar.logo = None
         plot.axis.axis_label_text_font_style = 'normal'
-        plot.xaxis.axis_label = 'drive phase τ at the start [rad]'
-        plot.yaxis.axis_label = "velocity s' at the start [1]"
-        plot.xaxis.ticker, plot.xaxis.formatter = phase_ticker(x_range), phase_formatter(x_range)
-        plot.yaxis.ticker, plot.yaxis.formatter = plain_ticker(y_range), plain_formatter(y_range)
+        plot.xaxis.axis_label = 'initial drive phase τ [rad]'
+        plot.yaxis.axis_label = "initial velocity s' [1]"
+        for axis, range_ in ((plot.xaxis, x_range), (plot.yaxis, y_range)):
+            axis.ticker = ticker(range_, is_phase=range_ is x_range)
+            axis.formatter = formatter(range_, is_phase=range_ is x_range)
         plot.grid.visible = False
         plot.background_fill_color = '#f2f2f2'
         image = plot.image_rgba(image='image', x='x', y='y', dw='dw', dh='dh', source=self.source)
@@ -84,19 +84,18 @@ class PlaneFigure:
         plot.on_event(Tap, lambda event: clicked(event.x, event.y))
 
     def _note(self, attr: str, old: float, new: float) -> None:
-        # Both ends of both ranges change one by one; the event of Bokeh waits for the wheel.
+        # Both ends of both ranges change one by one; Bokeh's event would wait for the wheel.
         if not self._is_moving:
             self._is_moving = True
             self.figure.document.add_next_tick_callback(self._move)
 
     def _move(self) -> None:
         self._is_moving = False
-        ranges = (self.figure.x_range, self.figure.y_range)
-        phase, velocity = ((range_.start, range_.end) for range_ in ranges)
-        self._moved(phase, velocity)
+        phase, velocity = self.figure.x_range, self.figure.y_range
+        self._moved((phase.start, phase.end), (velocity.start, velocity.end))
 
     def show(self, picture: Picture, colours: Colours) -> None:
-        """Draw a picture at the place it was computed for."""
+        """Draw a picture in the window for which it was computed."""
         view = picture.view
         pixels = paint(picture, colours)
         exponents = np.full(picture.labels.shape, NONE, np.float32)
@@ -115,8 +114,7 @@ class PlaneFigure:
         """Mark the point whose trajectory is shown."""
         self._point.data = {'x': [phase], 'y': [velocity]}
 
-    def go_to(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
+    def go_to(self, phase: Window, velocity: Window) -> None:
         """Show another window."""
-        ranges: Any = (self.figure.x_range, self.figure.y_range)
-        for range_, window in zip(ranges, (phase, velocity), strict=True):
-            range_.update(start=window[0], end=window[1])
+        self.figure.x_range.update(start=phase[0], end=phase[1])
+        self.figure.y_range.update(start=velocity[0], end=velocity[1])

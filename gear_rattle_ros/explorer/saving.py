@@ -1,4 +1,4 @@
-"""Saving a view: its dataset and picture, made by the very command that reproduces them."""
+"""Saving a view: its dataset and picture, made by the command that reproduces them."""
 
 from collections.abc import Callable
 import datetime
@@ -12,12 +12,12 @@ from typing import Final
 
 from .view import View
 
-# How long a tool that is told to stop may take to put its tiles away [s].
+# How long a tool that is interrupted may take to write its tiles [s].
 PATIENCE: Final = 5.0
 
 
 class Saving:
-    """One saving at a time, in a process of its own; what is stopped can be resumed."""
+    """Saves one view at a time, in a process of its own; a stopped one can be resumed."""
 
     def __init__(self, folder: Path, tell: Callable[[str, bool], None]) -> None:
         self._folder = folder
@@ -26,7 +26,7 @@ class Saving:
         self._lock = threading.Lock()
 
     def begin(self, view: View) -> None:
-        """Start saving a view, unless one is being saved; tells how it ends."""
+        """Start saving a view, unless one is being saved, and report how it ends."""
         with self._lock:
             if self._process is not None:
                 self._tell('one view is still being saved', False)
@@ -50,9 +50,8 @@ class Saving:
         self._tell(f'saving into {place} ...', True)
 
     def stop(self) -> None:
-        """End what is being saved; its tiles are kept, and command.txt with --resume goes on."""
-        with self._lock:
-            process = self._process
+        """Stop saving; the tiles are kept, and the command in command.txt resumes by --resume."""
+        process = self._process
         if process is not None and process.poll() is None:
             process.send_signal(signal.SIGINT)
             try:
@@ -65,7 +64,6 @@ class Saving:
         with self._lock:
             self._process = None
         if process.returncode == 0:
-            self._tell(f'saved in {place}: dataset, picture and the command that makes them',
-                       True)
+            self._tell(f'saved in {place}: dataset, picture and the command that makes them', True)
         else:
             self._tell(f'not saved: {errors[-1] if errors else process.returncode}', False)

@@ -1,6 +1,7 @@
 """The explorer: a page on this machine for the plane of initial conditions."""
 
 import argparse
+from collections.abc import Callable
 import dataclasses
 import errno
 import itertools
@@ -8,6 +9,7 @@ import os
 from pathlib import Path
 import sys
 import threading
+from typing import NoReturn
 import webbrowser
 
 from bokeh.application import Application
@@ -17,30 +19,31 @@ from bokeh.server.server import Server
 
 from .catalogues import Catalogues
 from .computing import pictures
-from .page import FIRST_POINT, first_view, Page, Shared
+from .page import FIRST_POINT, Page, Shared
 from .simulator_link import SimulatorLink
 from .trajectory import follow
 from .view import EXPONENTS, View
 from ..cli.compilation import reporting_compilation
 from ..cli.options import number
 from ..cli.refusal import Parser
+from ..core.model import Parameters
 
 NAME = 'explorer'
 ADDRESS = '127.0.0.1'
 PORT = 5006
-# A page that has gone is forgotten after so long; its work ends at once [ms].
+# A closed page is forgotten after this time, its work ends at once; interval of looking [ms].
 LINGER = 15_000
 LOOK_EVERY = 2_000
 
 
 def make_server(shared: Shared, view: View, port: int) -> Server:
-    """Make a server that listens on this machine only."""
+    """Return a server that listens on this machine only."""
     def open_page(document: Document) -> None:
         session = document.session_context
         joined = threading.Event()
 
         def is_open() -> bool:
-            # The page has no connection before it is loaded, and none when its tab is closed.
+            # The page has no connection before it is loaded, nor after its tab is closed.
             connections = session.session.connection_count if session.session else 0
             if connections:
                 joined.set()
@@ -49,26 +52,23 @@ def make_server(shared: Shared, view: View, port: int) -> Server:
         page = Page(document, shared, view, is_open)
         document.on_session_destroyed(lambda context: page.close())
 
-    server = Server(
+    return Server(
         {'/': Application(FunctionHandler(open_page))}, address=ADDRESS, port=port,
         allow_websocket_origin=[f'{name}:{port}' for name in (ADDRESS, 'localhost')],
         unused_session_lifetime_milliseconds=LINGER,
         check_unused_sessions_milliseconds=LOOK_EVERY)
-    return server
 
 
-def serve(given: argparse.Namespace) -> int:
-    """Serve until Ctrl-C or SIGTERM; the exit status is 0, or 2 where it cannot start."""
+def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
+    """Serve until Ctrl-C or SIGTERM; `refuse` ends the program with one line."""
     try:
-        view = first_view(given.alpha)
+        view = View(Parameters(alpha=given.alpha))
     except ValueError as error:
-        print(f'{NAME}: {error}', file=sys.stderr)
-        return 2
+        refuse(str(error))
     above = next(each for each in (given.folder.resolve(), *given.folder.resolve().parents)
                  if each.exists())
     if not above.is_dir() or not os.access(above, os.W_OK):
-        print(f'{NAME}: --folder {given.folder} cannot be written', file=sys.stderr)
-        return 2
+        refuse(f'--folder {given.folder} cannot be written')
     shared = Shared(Catalogues(), SimulatorLink(), given.folder)
     try:
         server = make_server(shared, view, given.port)
@@ -76,10 +76,8 @@ def serve(given: argparse.Namespace) -> int:
         if error.errno not in (errno.EADDRINUSE, errno.EACCES):
             raise
         why = 'is taken' if error.errno == errno.EADDRINUSE else 'is not allowed'
-        print(f'{NAME}: port {given.port} of {ADDRESS} {why}; choose another with --port',
-              file=sys.stderr)
-        return 2
-    # Whoever opens the page does not wait for kernels.
+        refuse(f'port {given.port} of {ADDRESS} {why}; choose another with --port')
+    # Compile the kernels before anybody opens the page.
     with reporting_compilation(NAME, sys.stderr):
         for _ in itertools.islice(pictures(
                 dataclasses.replace(view, kind=EXPONENTS), Catalogues(), lambda: None), 1):
@@ -100,16 +98,16 @@ def serve(given: argparse.Namespace) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the explorer; the exit status is 0, or 2 after one line that says what is wrong."""
+    """Run the explorer; the exit status is 0, or 2 after one line that names the fault."""
     parser = Parser(NAME, description='Look at the plane of initial conditions in a browser.')
     parser.add_argument('--alpha', type=number, default=0.48, metavar='X',
-                        help='amplitude of the drive at first [1]; 0.48 by default')
+                        help='first amplitude of the drive [1]; 0.48 by default')
     parser.add_argument('--port', type=_port, default=PORT, metavar='N',
                         help=f'port of {ADDRESS}; {PORT} by default')
     parser.add_argument('--no-browser', action='store_true', help='open no browser')
     parser.add_argument('--folder', type=Path, default=Path('explorer'), metavar='DIR',
                         help='where views are saved; explorer/ here by default')
-    return serve(parser.parse_args(arguments))
+    return serve(parser.parse_args(arguments), parser.error)
 
 
 def _port(text: str) -> int:

@@ -1,4 +1,4 @@
-"""The way from the page to a running simulator; ROS is looked for only when it is asked for."""
+"""The way from the page to a running simulator; ROS is imported only when it is needed."""
 
 import math
 import threading
@@ -20,18 +20,18 @@ class SimulatorLink:
         self._lock = threading.Lock()
 
     def join(self) -> 'Visitor':
-        """Return the client of the simulator, with no more services than it needs."""
+        """Return the client of the simulator, with only the services it needs."""
         from ..nodes.base.client import GET, PUT, RESET, Visitor
         if self._visitor is None:
             self._visitor = Visitor('explorer', '/simulator', (GET, PUT, RESET))
         return self._visitor
 
     def send(self, state: State, parameters: Parameters) -> tuple[str, bool]:
-        """Make a state the simulator's next initial state; returns what came of it and whether."""
+        """Reset the simulator to a state; return what happened, and whether it worked."""
         try:
             from ..nodes.base.client import ClientError
         except ImportError as error:
-            return f'no ROS here ({error}): source a ROS 2 installation and start me again', False
+            return f'no ROS here ({error}): source ROS 2 and restart the explorer', False
         theirs: dict[str, float] = {}
         with self._lock:
             simulator = self.join()
@@ -44,7 +44,7 @@ class SimulatorLink:
                 simulator.wait()
             except ClientError as error:
                 return str(error), False
-        message = (f'the simulator goes on from phase {state.phase:.6g}, s = '
+        message = (f'the simulator continues from phase {state.phase:.6g}, s = '
                    f'{state.displacement:.6g}, velocity {state.velocity:.6g}')
         differ = [f'{name} = {value:g}' for name, value in theirs.items()
                   if value != getattr(parameters, name)]

@@ -1,4 +1,4 @@
-"""The trajectory from a point of the plane, ready to be drawn."""
+"""The trajectory from a point of the plane, as it is drawn."""
 
 import dataclasses
 from typing import Final
@@ -12,21 +12,19 @@ from ..core.model import EventKind, Parameters, State
 from ..core.stream.reconstruction import drive_phases, rebuild
 
 IMPACTS: Final = 400
-# Drive periods after which one that has few impacts is cut off, and those whose motion is drawn.
+# Most drive periods of a trajectory with few impacts, and those whose motion is drawn.
 LONGEST: Final = 2_000
 PERIODS: Final = 12
 STEP: Final = 0.04
 
 
-
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
     """
-    What becomes of an initial condition.
+    The trajectory from an initial condition.
 
-    The motion is `displacement` [1] over `periods` of the drive, counted from phase 0 of that in
-    which it begins; impacts have drive phases [rad] and velocities just before [1], and `sticks`
-    of them stick.
+    The motion is `displacement` [1] over `periods` of the drive, counted from phase 0 of the first
+    one; impacts have phases [rad] and velocities just before [1], and `sticks` of them stick.
     """
 
     state: State
@@ -40,7 +38,7 @@ class Trajectory:
 
 def follow(parameters: Parameters, phase: float, displacement: float, velocity: float
            ) -> Trajectory:
-    """Follow an initial condition for some hundred impacts."""
+    """Follow an initial condition for a few hundred impacts."""
     turned = phase % TWO_PI
     state = State(0, turned if turned < TWO_PI else 0.0, displacement, velocity)
     simulation = Simulation(parameters, state)

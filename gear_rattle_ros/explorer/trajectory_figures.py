@@ -6,7 +6,7 @@ from bokeh.plotting import figure
 from bokeh.transform import linear_cmap
 import numpy as np
 
-from .axes import phase_formatter, phase_ticker
+from .axes import formatter, ticker
 from .trajectory import IMPACTS, PERIODS, Trajectory
 from ..attractors.plane import TWO_PI
 from ..palette import BLUE, GREY
@@ -17,7 +17,7 @@ HEIGHT = 270
 
 
 class TrajectoryFigures:
-    """What becomes of the point that was clicked."""
+    """Draws the trajectory from the point that was clicked."""
 
     def __init__(self) -> None:
         self._motion = ColumnDataSource(name='motion', data={'t': [], 's': []})
@@ -38,8 +38,8 @@ class TrajectoryFigures:
         self.section = figure(width=WIDTH // 2, height=HEIGHT, tools='', toolbar_location=None,
                               x_range=phases, title='section: impacts, late ones dark')
         self.section.scatter('phase', 'velocity', source=self._impacts, size=4, color=age)
-        self.section.xaxis.ticker = phase_ticker(phases)
-        self.section.xaxis.formatter = phase_formatter(phases)
+        self.section.xaxis.ticker = ticker(phases, is_phase=True)
+        self.section.xaxis.formatter = formatter(phases, is_phase=True)
         self.section.xaxis.axis_label = 'drive phase [rad]'
         self.section.yaxis.axis_label = "s' before impact [1]"
         self.sequence = figure(width=WIDTH - WIDTH // 2, height=HEIGHT, tools='',

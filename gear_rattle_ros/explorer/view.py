@@ -1,4 +1,4 @@
-"""What the page shows: model, window, kind of picture. Pure, and independent of any toolkit."""
+"""What the page shows: model, window, kind of picture; independent of any toolkit."""
 
 import dataclasses
 import math
@@ -11,31 +11,31 @@ BASINS: Final = 'basins'
 LIFETIMES: Final = 'lifetimes'
 EXPONENTS: Final = 'exponents'
 KINDS: Final = (BASINS, LIFETIMES, EXPONENTS)
-# Impacts after which a start is given up, and those over which a finite-time exponent is taken.
+# Impacts after which a trajectory counts as unsettled, and those in a finite-time exponent.
 CAP: Final = 5_000
 SPAN: Final = 50
-# Random starts of the search for attractors, and impacts for which they are followed.
+# Initial conditions of the search for attractors, and impacts for which they are followed.
 STARTS: Final = 256
 HOLD: Final = 20_000
-# Cells along an edge: at first, as a rule at the end, and where there is time.
+# Cells along an edge: first, usually last, and where there is time.
 COARSEST: Final = 50
 FINE: Final = 400
 FINEST: Final = 800
-# A finer level is skipped to if it takes no longer [s]; the finest is left out if it takes longer.
+# Levels that would take less are skipped [s]; the finest is left out if it would take longer [s].
 AT_ONCE: Final = 0.3
 PATIENCE: Final = 8.0
-# Neighbouring cells must differ by so many roundings of float64.
+# Neighbouring cells must differ by at least this many roundings of float64.
 ROUNDINGS: Final = 8
-# The narrowest window of the plane that allows, in both directions [rad, 1].
+# The narrowest window that follows from it, in both directions [rad, 1].
 NARROWEST: Final = FINE * ROUNDINGS * math.ulp(TWO_PI)
-# How far one may pan [rad, 1].
+# Bounds of panning [rad, 1].
 PHASE_BOUND: Final = 900.0
 VELOCITY_BOUND: Final = 9000.0
 
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """What is asked for: a picture of one of `KINDS`, over a window of the plane [rad, 1]."""
+    """A picture of one of `KINDS` over a window of the plane [rad, 1]."""
 
     parameters: Parameters = Parameters()
     displacement: float = 0.0
@@ -46,7 +46,7 @@ class View:
     def __post_init__(self) -> None:
         """Validate."""
         if self.kind not in KINDS:
-            raise ValueError(f'kind {self.kind!r} is none of {", ".join(KINDS)}')
+            raise ValueError(f'kind {self.kind!r} is not one of {", ".join(KINDS)}')
         plane = self.plane(1)
         for name in ('displacement', 'phase', 'velocity'):
             object.__setattr__(self, name, getattr(plane, name))
@@ -56,14 +56,14 @@ class View:
         return Plane(self.displacement, self.phase, self.velocity, cells, cells)
 
     def finest(self) -> int:
-        """Tell how many cells along an edge float64 can tell apart in this window."""
+        """Return how many cells along an edge float64 can resolve in this window."""
         return min(int((high - low) / (ROUNDINGS * math.ulp(max(abs(low), abs(high)))))
                    for low, high in (self.phase, self.velocity))
 
     def limit(self) -> str:
-        """Say so where float64 ends; nothing where there is room to go deeper."""
+        """Return a line where float64 ends; nothing where there is room to zoom in."""
         width = min(self.phase[1] - self.phase[0], self.velocity[1] - self.velocity[0])
-        # Where the next step of the wheel would lead beyond.
+        # The next step of the wheel must not lead beyond.
         if width >= 1.6 * NARROWEST and self.finest() >= 1.6 * FINE:
             return ''
         apart = ROUNDINGS * self.finest() / FINE
@@ -71,7 +71,7 @@ class View:
                 f'only {apart:.0f} roundings apart. Zoom out, or go elsewhere.')
 
     def command(self, output: str, picture: str) -> list[str]:
-        """Write the command that computes this view into a store and draws it."""
+        """Return the command that computes this view into a store and draws it."""
         model = [word for name, value in dataclasses.asdict(self.parameters).items()
                  for word in (f'--{name}', repr(value))]
         own = ['--impacts', str(SPAN)] if self.kind == EXPONENTS else [

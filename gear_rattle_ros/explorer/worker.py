@@ -1,4 +1,4 @@
-"""A thread for each page that always computes the view which was asked for last."""
+"""A thread for each page that always computes the latest view."""
 
 from collections.abc import Callable
 import threading
@@ -19,8 +19,7 @@ class Worker:
         self._is_wanted = is_wanted
         self._changed = threading.Condition()
         self._view: View | None = None
-        self._number = 0
-        self._stopped = False
+        self._number, self._stopped = 0, False
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -32,13 +31,13 @@ class Worker:
             self._changed.notify()
 
     def stop(self) -> None:
-        """Give up what is under way, and end the thread."""
+        """Abandon the present view, and end the thread."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
 
     def join(self, seconds: float) -> bool:
-        """Wait for the end of the thread; tell whether it has come."""
+        """Wait for the end of the thread; return whether it has ended."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 

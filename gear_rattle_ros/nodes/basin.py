@@ -1,8 +1,9 @@
-"""The basins at the present parameters, coarse at once and finer while they stay."""
+"""The basins at the present parameters: coarse at once, finer while the parameters stay."""
 
 from collections.abc import Callable, Mapping, Sequence
 import contextlib
 import dataclasses
+import functools
 import os
 from pathlib import Path
 import queue
@@ -10,14 +11,18 @@ import threading
 import time
 from typing import Any, Final
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-import numpy.typing as npt
-from rclpy.callback_groups import CallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
 
-from .base.node import run_node, ShellNode, StartError
+from .base.errors import UserError
+from .base.event_input import arrived
+from .base.node import ReportingNode
+from .base.process import run_node
 from .base.scales import nice_limit
+from .. import messages
 from ..attractors.catalogue import Attractor, OTHERS
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.matching import follow, points_of, Trace
@@ -28,69 +33,53 @@ from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
-from ..messages import (
-    cloud_from_records,
-    diagnostic_array,
-    events_from_cloud,
-    image_from_pixels,
-    nanoseconds_from_stamp,
-    stamp_from_nanoseconds,
-)
 from ..palette import colours_of, painted
-from ..parameters import BASIN
 from ..qos import LATCHED, NEWEST
 
 PLANES: Final = ('section', 'displacement')
-# The newest event is looked at so often [s].
+# Interval at which the newest event is read [s].
 POLL: Final = 0.01
-# Parameters that have stayed so long have settled; until then there are coarse pictures only [s].
+# Parameters that stay for this time have settled; until then pictures are coarse [s].
 SETTLED: Final = 0.05
-# Niceness of what computes all but the first picture.
+# Niceness of the work on all but the first picture.
 LEAST: Final = 19
-# The plane reaches so many times further than the fastest impact.
+# Highest velocity of the plane, in units of the fastest impact's.
 ROOM: Final = 1.5
 POINT: Final = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<f4'),
                          ('label', '<i4'), ('share', '<f4')])
 
 
 def give_way(niceness: int) -> None:
-    """Make niceness count against other sessions, among which Linux shares its time first."""
+    """Make niceness count against other sessions: Linux first shares its time among those."""
     if os.getsid(0) == os.getpid():
-        # Linux without autogroups has no such file: then niceness counts as it is.
+        # Linux without autogroups has no such file; there niceness counts as it is.
         with contextlib.suppress(OSError):
             Path('/proc/self/autogroup').write_text(str(niceness))
 
 
-class Unwatched(CallbackGroup):
-    """What the executor does not wake up for: it is asked when there is time for it."""
+class Unwatched(MutuallyExclusiveCallbackGroup):
+    """A group the executor never runs: its subscription is read when there is time for it."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return no."""
+        """Return False."""
         return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Return no."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Nothing was executed."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Wanted:
-    """What is asked for: parameters, where in the stream they came, and when [s of wall time]."""
+    """Parameters, their place in the stream, and when they arrived [s of wall time]."""
 
     parameters: Parameters
     epoch: int
-    stamp: int
+    stamp: Time
     since: float
-    # Whether the ones before had not settled.
+    # Whether the previous parameters had not settled.
     is_passing: bool
 
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What does not change."""
+    """The parameters of the node, which are fixed."""
 
     sizes: tuple[int, ...]
     on_walls: bool
@@ -103,19 +92,19 @@ class Settings:
 
 @dataclasses.dataclass(frozen=True)
 class Memory:
-    """What one picture hands on to the next: colours, and the limit of the velocity."""
+    """What one picture leaves to the next: colours, and the limit of the velocity."""
 
     traces: tuple[Trace, ...] = ()
     limit: float = 0.0
 
     def hints(self) -> FloatArray:
-        """Return a point of every attractor that was known."""
+        """Return a point of every known attractor."""
         return np.concatenate([np.zeros((0, 3)), *(trace.points[:1] for trace in self.traces)])
 
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """What is published at one go."""
+    """Messages that are published together, and what the next picture needs."""
 
     image: Image
     attractors: PointCloud2
@@ -124,7 +113,7 @@ class Picture:
 
 
 class Job(threading.Thread):
-    """The work at one set of parameters: a thread of low priority that ends when it is dropped."""
+    """A thread of low priority that computes the pictures at one set of parameters."""
 
     def __init__(self, wanted: Wanted, memory: Memory, settings: Settings, is_coarse: bool,
                  put: Callable[['Job', Picture | None], None]) -> None:
@@ -135,23 +124,20 @@ class Job(threading.Thread):
         self._memory = memory
         self._settings = settings
         self._put = put
-        self._dropped = threading.Event()
-
-    def drop(self) -> None:
-        """End it at the next moment."""
-        self._dropped.set()
+        # Set where the thread is to end soon.
+        self.dropped = threading.Event()
 
     def run(self) -> None:
-        """Compute pictures and hand them over; None at the end."""
-        # Of this thread and those it starts, not of the process: what receives the stream must
-        # not hold up its publisher.
+        """Compute pictures and hand them over; None is the last."""
+        # Nice this thread and those it starts, not the process: the thread that receives the
+        # stream must not hold up the publisher.
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), self._settings.niceness)
         try:
             self._compute()
         except Dropped:
             pass
         except Exception as error:
-            # Whatever it is, the node goes on with the next parameters.
+            # Whatever went wrong, the node continues with the next parameters.
             self.failure = f'{type(error).__name__}: {error}'
         self._put(self, None)
 
@@ -164,36 +150,36 @@ class Job(threading.Thread):
         planes = [Plane(settings.displacement, velocity=(-limit, limit), phases=size,
                         velocities=size) for size in sizes]
         for basins in watch(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
-                            threads=settings.threads, is_dropped=self._dropped.is_set):
+                            threads=settings.threads, is_dropped=self.dropped.is_set):
             traces, hues = follow(memory.traces, points_of(basins.catalogue),
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
-            # What is finer gives way to everything; it must not starve, as it may hold the GIL.
+            # Finer pictures give way to everything, but must not starve: they may hold the GIL.
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LEAST)
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
 
 
-class Basin(ShellNode):
-    """Watches the parameters in the stream and publishes what is found out about them."""
+class Basin(ReportingNode):
+    """Watches the parameters in the stream and publishes the basins at them."""
 
-    def __init__(self) -> None:
-        super().__init__('basin', BASIN)
+    def __init__(self, **options: Any) -> None:
+        super().__init__('basin', **options)
         plane = str(self.values['plane'])
         if plane not in PLANES:
-            raise StartError(f'plane = {plane!r} is not one of {", ".join(PLANES)}')
+            raise UserError(f'plane = {plane!r} is not one of {", ".join(PLANES)}')
         self._settings = Settings(
             sizes_up_to(int(self.number('size'))), plane == 'section',
             self.number('displacement'), self.number('velocity_limit'), int(self.number('cap')),
             int(self.number('threads')), int(self.number('niceness')))
         self._memory = Memory()
         self._wanted: Wanted | None = None
-        # The work under way, and what was begun last.
+        # The job that runs, and the one that was started last.
         self._job: Job | None = None
         self._begun: Job | None = None
         self._results: queue.SimpleQueue[tuple[Job, Picture | None]] = queue.SimpleQueue()
         self._words = 'no impacts yet'
         self._counts = {'pictures': 0, 'parameters': 0, 'dropped': 0}
-        self._first_seconds = self._last_seconds = 0.0
+        self._seconds = {'first_picture_seconds': 0.0, 'last_picture_seconds': 0.0}
         warm_up(self._settings)
         give_way(self._settings.niceness)
         self._image = self.create_publisher(Image, 'basin', LATCHED)
@@ -206,65 +192,58 @@ class Basin(ShellNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what was published, and how soon after the change."""
-        return 'ok', self._words, {
-            **self._counts, 'first_picture_seconds': self._first_seconds,
-            'last_picture_seconds': self._last_seconds}
+        """Return what was published, and how soon after the parameters changed."""
+        return 'ok', self._words, self._counts | self._seconds
 
     def close(self) -> None:
-        """Let go of the work."""
+        """Drop the work."""
         if self._job is not None:
-            self._job.drop()
+            self._job.dropped.set()
 
     def _look(self) -> None:
-        handle = self._stream.handle
-        with handle:
-            taken = handle.take_message(PointCloud2, False)
-        if taken is not None:
-            self._take(taken[0])
+        for cloud, _ in arrived(self._stream, 1):
+            self._take(cloud)
         self._decide()
 
     def _take(self, cloud: PointCloud2) -> None:
         try:
-            events = events_from_cloud(cloud)
+            events = messages.events_from_cloud(cloud)
         except ValueError as error:
-            self.get_logger().warning(f'a batch is refused: {error}', once=True)
+            self.get_logger().warning(f'refused a batch: {error}', once=True)
             return
         if not len(events):
             return
         last = events[-1]
-        parameters = Parameters(*(float(last[name]) for name in (
-            'alpha', 'beta', 'gamma', 'restitution')))
+        parameters = Parameters(*(float(last[field.name]) for field in dataclasses.fields(
+            Parameters)))
         before, now = self._wanted, time.monotonic()
         if before is not None and parameters == before.parameters:
             return
         self._wanted = Wanted(
-            parameters, int(last['epoch']), nanoseconds_from_stamp(cloud.header.stamp), now,
+            parameters, int(last['epoch']), cloud.header.stamp, now,
             before is not None and now - before.since < SETTLED)
         self._counts['parameters'] += 1
 
     def _decide(self) -> None:
-        wanted, job = self._wanted, self._job
+        wanted, job, begun = self._wanted, self._job, self._begun
         if wanted is None:
             return
-        # While parameters go on moving, a coarse picture of where they were is better than none.
-        if job is not None and job.wanted is not wanted and not job.is_coarse:
-            job.drop()
-            self._counts['dropped'] += 1
-            self._job = job = None
+        # While parameters keep moving, a coarse picture of where they were is better than none.
         if job is not None:
-            return
-        begun = self._begun
-        is_new = begun is None or begun.wanted is not wanted
+            if job.wanted is wanted or job.is_coarse:
+                return
+            job.dropped.set()
+            self._counts['dropped'] += 1
+            self._job = None
         has_settled = time.monotonic() - wanted.since >= SETTLED
-        if is_new or (begun is not None and begun.is_coarse and has_settled):
+        if begun is None or begun.wanted is not wanted or (begun.is_coarse and has_settled):
             self._job = self._begun = Job(
                 wanted, self._memory, self._settings, wanted.is_passing and not has_settled,
                 self._put)
             self._job.start()
 
     def _put(self, job: Job, picture: Picture | None) -> None:
-        """Hand something over from the thread of a job."""
+        """Hand a picture over from the thread of a job."""
         self._results.put((job, picture))
         self._arrived.trigger()
 
@@ -286,56 +265,47 @@ class Basin(ShellNode):
             self._image.publish(picture.image)
             self._words = picture.state.status[0].message
             self._counts['pictures'] += 1
-            self._last_seconds = time.monotonic() - job.wanted.since
-            if picture.image.width == self._settings.sizes[0]:
-                self._first_seconds = self._last_seconds
+            seconds = time.monotonic() - job.wanted.since
+            is_first = picture.image.width == self._settings.sizes[0]
+            self._seconds.update(dict.fromkeys(
+                self._seconds if is_first else ['last_picture_seconds'], seconds))
 
 
 def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Memory,
                settings: Settings) -> Picture:
-    """Return the messages of one picture; all bear the same stamp."""
-    stamp = stamp_from_nanoseconds(wanted.stamp)
-    colours = colours_of(hues)
-    # The top row is that of the greatest velocity.
+    """Return the messages of one picture, all with the same stamp."""
+    stamp, colours = wanted.stamp, colours_of(hues)
+    # The top row has the greatest velocity.
     pixels = painted(basins.labels, colours)[::-1, :, :3]
     found = [each for each in basins.catalogue.attractors if each.label >= 0]
     found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
               if np.any(basins.labels == label)]
     found = [dataclasses.replace(each, share=basins.share(each.label)) for each in found]
-    points = points_of(basins.catalogue)
-    return Picture(
-        image_from_pixels(pixels, stamp),
-        cloud_from_records(points_with(points, found, colours), stamp),
-        state_of(wanted, basins, found, colours, settings),
-        memory)
-
-
-def points_with(points: Sequence[tuple[FloatArray, bool]],
-                found: Sequence[Attractor], colours: Mapping[int, str]) -> npt.NDArray[np.void]:
-    """Return the points of all attractors as a cloud has them."""
     parts = [np.zeros(0, POINT)]
-    for each, (places, _) in zip(found, points, strict=False):
+    for each, (places, _) in zip(found, points_of(basins.catalogue), strict=False):
         part = np.zeros(len(places), POINT)
         part['x'], part['y'], part['z'] = places[:, 1], places[:, 2], -places[:, 0]
-        # As PCL packs it: the bytes of an integer in a float.
+        # PCL packs colours as the bytes of an integer in a float.
         part['rgb'] = np.uint32(int(colours[each.label][1:], 16)).view(np.float32)
         part['label'], part['share'] = each.label, each.share
         parts.append(part)
-    return np.concatenate(parts)
+    return Picture(
+        messages.image_from_pixels(pixels, stamp),
+        messages.cloud_from_records(np.concatenate(parts), stamp),
+        state_of(wanted, basins, found, colours, settings), memory)
 
 
 def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
              colours: Mapping[int, str], settings: Settings) -> DiagnosticArray:
-    """Return what is known of the picture, and of every attractor."""
-    stamp = stamp_from_nanoseconds(wanted.stamp)
-    plane, parameters = basins.plane, wanted.parameters
+    """Return the values of the picture, and of every attractor."""
+    plane, parameters, stamp = basins.plane, wanted.parameters, wanted.stamp
     unsettled = basins.share(UNSETTLED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
              f'{counted(sum(each.label != UNSETTLED for each in found), "attractor")}, '
              f'{unsettled:.1%} unsettled')
     if conserves_areas(parameters):
         words += f': {CONSERVES}'
-    state = diagnostic_array('basin: picture', 'basin', 'ok', words, {
+    state = messages.diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
         'plane': 'section' if settings.on_walls else 'displacement',
         'displacement': plane.displacement, 'phase_low': plane.phase[0],
@@ -343,7 +313,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
         'velocity_high': plane.velocity[1], 'unsettled': unsettled,
         'has_searched_chaos': basins.is_complete}, stamp)
     for each in found:
-        state.status.extend(diagnostic_array(
+        state.status.extend(messages.diagnostic_array(
             f'basin: {each.key}', 'basin', 'ok', f'{each.key}: {each.share:.2%}', {
                 'label': each.label, 'key': each.key, 'kind': each.kind.value, 'share': each.share,
                 'colour': colours[each.label], 'impacts': each.impacts,
@@ -352,7 +322,7 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
 
 
 def warm_up(settings: Settings) -> None:
-    """Compile everything before anything is wanted."""
+    """Compile all kernels before the first parameters arrive."""
     seen, _ = glance(Parameters(), np.zeros((0, 3)))
     planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
     for basins in watch(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
@@ -362,6 +332,4 @@ def warm_up(settings: Settings) -> None:
     find_attractors(chaos, planes[0].draw(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node; the exit status is 0, or 2 where it cannot start."""
-    return run_node('basin', Basin, arguments)
+main = functools.partial(run_node, 'basin', Basin)

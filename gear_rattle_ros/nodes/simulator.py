@@ -1,9 +1,11 @@
-"""The simulator: publishes impact events, steered by live parameters."""
+"""The simulator: publishes impact events; its parameters can be changed while it runs."""
 
 from collections.abc import Mapping
 import dataclasses
+import functools
 import math
 import time
+from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -13,48 +15,43 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from .base.dds_room import StreamingNode
-from .base.node import run_node
+from .base.dds_room import make_room
+from .base.node import ReportingNode
 from .base.pacing import AcknowledgedPace, ClockPace
+from .base.process import run_node
+from .. import messages
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.words import counted
-from ..messages import (
-    cloud_from_events,
-    drive_time_nanoseconds,
-    joint_state,
-    stamp_from_nanoseconds,
-)
 from ..parameters import guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 
-# Records in one batch at the most: 62 KB, as Fast DDS cuts what is beyond 64 KB into fragments and
-# hands over torn messages where it drops one that is on its way.
+# Most records in one batch, 62 KB: Fast DDS cuts what is beyond 64 KB into fragments, and delivers
+# torn messages where it drops one on its way.
 LARGEST_BATCH = 640
-# With rate = 0 so many batches are made at one go, as going through the executor takes longer.
+# With rate = 0, batches made in one callback: going through the executor takes longer.
 BATCHES_AT_ONCE = 8
-# With rate = 0 a batch is also ended after so many drive periods: it may hold no impact at all.
+# With rate = 0, most drive periods in a batch, which may hold no impact at all.
 LONGEST_BATCH = 4096
 MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
-# How often a ramp shows in the parameter alpha [s].
+INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
+# A ramp updates the parameter alpha at these intervals [s].
 RAMP_SHOWN_EVERY = 0.25
-# Pause of a tick without anything to do at rate = 0 [s].
+# Pause at rate = 0 when there is nothing to do [s].
 IDLE = 0.005
 # How long the last batches may take to arrive when the node ends [s].
 LAST_BATCHES = 0.3
 BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
 
 
-class Simulator(StreamingNode):
-    """One trajectory, advanced in ticks; one batch of events a tick."""
+class Simulator(ReportingNode):
+    """Advances one trajectory in ticks, and publishes one batch of events a tick."""
 
-    def __init__(self) -> None:
-        super().__init__('simulator', SIMULATOR)
+    def __init__(self, **options: Any) -> None:
+        super().__init__('simulator', make_room, **options)
         values = self.values
-        self._omega = self.number('omega')
-        self._scale = self.number('backlash_angle')
-        self._rate = self.number('rate')
+        self._omega, self._rate = self.number('omega'), self.number('rate')
         self._ramp = (self.number('alpha_target'), self.number('alpha_rate'))
         self._paused = False
         self._awaited = int(values['wait_for_readers'])
@@ -62,7 +59,7 @@ class Simulator(StreamingNode):
         self._simulation = Simulation(
             _model(values), _initial(values), noise=self.number('noise'),
             seed=int(values['seed']))
-        # Compile, or load, every kernel before anybody waits for the first event.
+        # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
         self._outbox: list[EventArray] = []
         self._start = self.get_clock().now().nanoseconds
@@ -98,24 +95,18 @@ class Simulator(StreamingNode):
         elif self._rate == 0.0 and waiting is not None and now - waiting > 1.0:
             level, message = 'warn', f'waiting {now - waiting:.0f} s for a reader'
         elif self._rate > 0.0 and self._by_clock.lag > 0.0:
-            level, message = 'warn', 'slower than the rate asked for'
+            level, message = 'warn', 'slower than the requested rate'
         elif self._simulation.is_resting_for_ever:
-            message = 'at rest on a wall for ever'
-        state = self._simulation.state
+            message = 'permanently at rest on a wall'
         return level, message, {
-            'impacts': impacts,
-            'impacts_per_second': (impacts - before) / (now - since),
-            'epoch': self._simulation.epoch,
-            'cycle': state.cycle,
+            'impacts': impacts, 'impacts_per_second': (impacts - before) / (now - since),
+            'epoch': self._simulation.epoch, 'cycle': self._simulation.state.cycle,
             'readers': self._impacts.get_subscription_count(),
-            **dataclasses.asdict(self._simulation.parameters),
-            'noise': self._simulation.noise,
-            'rate': self._rate,
-            'kernels': fingerprint(),
-        }
+            **dataclasses.asdict(self._simulation.parameters), 'noise': self._simulation.noise,
+            'rate': self._rate, 'kernels': fingerprint()}
 
     def close(self) -> None:
-        """Hand out what has happened."""
+        """Publish the last events."""
         self._flush()
         self._impacts.wait_for_all_acked(Duration(seconds=LAST_BATCHES))
 
@@ -140,7 +131,7 @@ class Simulator(StreamingNode):
                     break
 
     def _run_batch(self) -> bool:
-        """Advance by one full batch, whatever the time; tell whether there was anything in it."""
+        """Advance by one full batch, whatever the time; return whether it holds any event."""
         room = LARGEST_BATCH
         first = self._simulation.moment[0]
         while room > 0 and self._simulation.moment[0] < first + LONGEST_BATCH:
@@ -153,7 +144,7 @@ class Simulator(StreamingNode):
         return True
 
     def _advance(self, periods: float) -> None:
-        """Advance by a number of drive periods, to be finished within the tick."""
+        """Advance by a number of drive periods, as far as the tick allows."""
         deadline = time.monotonic() + self.number('tick')
         cycle, phase = self._simulation.moment
         whole, fraction = divmod(phase / (2.0 * math.pi) + periods, 1.0)
@@ -165,7 +156,7 @@ class Simulator(StreamingNode):
         self._flush()
 
     def _collect(self, cycle: int, phase: float, most: int) -> int:
-        """Advance to a moment or by so many records; a ramp takes its step at a period's end."""
+        """Advance to a moment, or by `most` records; a ramp steps at the end of each period."""
         ramping = self._ramp[1] > 0.0
         period_end = (self._simulation.moment[0] + 1, 0.0)
         target = min((cycle, phase), period_end) if ramping else (cycle, phase)
@@ -193,7 +184,7 @@ class Simulator(StreamingNode):
             self.get_logger().info(f'the ramp has reached alpha = {alpha:g}')
 
     def _show(self, values: Mapping[str, float]) -> None:
-        """Make the ROS parameters say what is in force."""
+        """Set ROS parameters to the values in force."""
         self._setting = True
         try:
             self.set_parameters([
@@ -204,26 +195,26 @@ class Simulator(StreamingNode):
     def _flush(self) -> None:
         stamp = self._stamp()
         if self._outbox:
-            events = np.concatenate(self._outbox)
-            self._outbox = []
+            events, self._outbox = np.concatenate(self._outbox), []
             for first in range(0, len(events), LARGEST_BATCH):
                 self._impacts.publish(
-                    cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
+                    messages.cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
         if self._clock_output is not None:
             self._clock_output.publish(Clock(clock=stamp))
 
     def _stamp(self) -> Time:
-        return stamp_from_nanoseconds(
-            self._start + drive_time_nanoseconds(*self._simulation.moment, self._omega))
+        return messages.stamp_from_nanoseconds(
+            self._start + messages.drive_time_nanoseconds(*self._simulation.moment, self._omega))
 
     def _publish_joints(self) -> None:
         state = self._simulation.state
         alpha = self._simulation.parameters.alpha
         driver = -alpha * math.sin(state.phase)
         driver_speed = -alpha * math.cos(state.phase)
-        angle, speed = self._scale, self._scale * self._omega
-        # s = driven - driver: the driver vibrates, the driven gear is hit by it.
-        self._joints.publish(joint_state({
+        angle = self.number('backlash_angle')
+        speed = angle * self._omega
+        # s = driven - driver: the driver vibrates and hits the driven gear.
+        self._joints.publish(messages.joint_state({
             'driver_gear': (angle * driver, speed * driver_speed),
             'driven_gear': (angle * (state.displacement + driver),
                             speed * (state.velocity + driver_speed)),
@@ -232,12 +223,8 @@ class Simulator(StreamingNode):
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
-            _model({name: values.get(name, self._current(name)) for name in MODEL})
-        _initial({name: values.get(name, self.get_parameter(name).value) for name in (
-            'initial_phase', 'initial_displacement', 'initial_velocity')})
-
-    def _current(self, name: str) -> float:
-        return float(getattr(self._simulation.parameters, name))
+            _model(dataclasses.asdict(self._simulation.parameters) | values)
+        _initial({name: values.get(name, self.get_parameter(name).value) for name in INITIAL})
 
     def _apply(self, values: dict[str, Value]) -> None:
         if self._setting:
@@ -252,9 +239,8 @@ class Simulator(StreamingNode):
         if 'noise' in values:
             self._simulation.noise = float(values['noise'])
         target = float(values.get('alpha_target', self._ramp[0]))
-        ramp_rate = float(values.get('alpha_rate', self._ramp[1]))
-        if 'alpha' in values and 'alpha_rate' not in values and ramp_rate:
-            ramp_rate = 0.0
+        ramp_rate = float(values.get('alpha_rate', 0.0 if 'alpha' in values else self._ramp[1]))
+        if self._ramp[1] and not ramp_rate and 'alpha_rate' not in values:
             self._show({'alpha_rate': 0.0})
         self._ramp = (target, ramp_rate)
         if 'rate' in values and float(values['rate']) != self._rate:
@@ -263,10 +249,8 @@ class Simulator(StreamingNode):
             self._timer.timer_period_ns = round(self._period() * 1e9)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        names = ('initial_phase', 'initial_displacement', 'initial_velocity', 'seed')
-        values = {name: self.get_parameter(name).value for name in names}
-        state = _initial(values)
-        self._simulation.seed = int(values['seed'])
+        state = _initial({name: self.get_parameter(name).value for name in INITIAL})
+        self._simulation.seed = int(self.get_parameter('seed').value)
         self._outbox.append(
             self._simulation.reset(state.phase, state.displacement, state.velocity))
         now = self._simulation.state
@@ -290,9 +274,7 @@ def _model(values: Mapping[str, Value]) -> Parameters:
 
 
 def _initial(values: Mapping[str, Value]) -> State:
-    return State(
-        0, float(values['initial_phase']), float(values['initial_displacement']),
-        float(values['initial_velocity']))
+    return State(0, *(float(values[name]) for name in INITIAL))
 
 
 def _words(parameters: Parameters) -> str:
@@ -300,6 +282,4 @@ def _words(parameters: Parameters) -> str:
         parameters).items())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node; the exit status is 0, or 2 where it cannot start."""
-    return run_node('simulator', Simulator, arguments)
+main = functools.partial(run_node, 'simulator', Simulator)

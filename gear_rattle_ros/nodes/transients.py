@@ -1,56 +1,59 @@
 """Where transients end: periodic orbits and rest, found in the stream."""
 
 from collections.abc import Mapping
+import functools
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from .base.dds_room import ReadingNode
-from .base.node import EventInput, HoleLog, run_node
+from .base.dds_room import bound_backlog
+from .base.event_input import EventInput
+from .base.node import ReportingNode
+from .base.process import run_node
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.stream.report_values import transient_values
 from ..core.stream.transients import TransientDetector
-from ..messages import diagnostic_array, stamp_from_nanoseconds
-from ..parameters import TRANSIENTS
+from ..messages import diagnostic_array
 from ..qos import LATCHED
 
 
-class Transients(ReadingNode):
+class Transients(ReportingNode):
     """Feeds the stream to a TransientDetector and publishes every change."""
 
-    def __init__(self) -> None:
-        super().__init__('transients', TRANSIENTS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__('transients', bound_backlog, **options)
         self._tolerance = self.number('tolerance')
+        # Compile the kernels before the first batch.
         TransientDetector(self._tolerance).update(
             Simulation(Parameters(), State()).advance(100, 0.0, 400))
         self._detector = TransientDetector(self._tolerance)
-        self._holes = HoleLog(self, self._detector.guard, 'the search begins afresh')
         self._publisher = self.create_publisher(DiagnosticArray, 'transient', LATCHED)
-        self._input = EventInput(self, self._take)
+        self._input = EventInput(
+            self, self._detector.guard, self._take, 'the search for an orbit begins again')
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return the present regime and what was lost."""
-        level, message = self._holes.status()
+        level, message, values = self._input.report()
         return level, message, {
-            **self._input.counts(), **self._holes.counts(),
-            'regime': self._detector.report.describe(), 'impacts': self._detector.impacts}
+            **values, 'regime': self._detector.report.describe(),
+            'impacts': self._detector.impacts}
 
     def close(self) -> None:
-        """Say the last word."""
+        """Publish the last changes."""
         self._input.drain()
 
-    def _take(self, events: EventArray, stamp: int) -> None:
+    def _take(self, events: EventArray) -> None:
         changes = self._detector.update(events)
-        self._holes.speak()
+        # A hole is logged before what follows from it.
+        self._input.health.log()
         for change in changes:
             self._publisher.publish(diagnostic_array(
                 f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok',
                 change.describe(), transient_values(change) | {'tolerance': self._tolerance},
-                stamp_from_nanoseconds(stamp)))
+                self._input.stamp))
             self.get_logger().info(change.describe())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node; the exit status is 0, or 2 where it cannot start."""
-    return run_node('transients', Transients, arguments)
+main = functools.partial(run_node, 'transients', Transients)

@@ -109,7 +109,7 @@ def test_late_joiner_begins_where_it_comes_in(bench, events):
     lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 4999)
     assert same(lyapunov.said[-1], expected(events[3000:5000]))
     assert lyapunov.said[-1]['impacts'] == 1999
-    assert f'the stream is here at impact {events["index"][3000]}' in lyapunov.process.text()
+    assert f'joined the stream at impact {events["index"][3000]}' in lyapunov.process.text()
 
 
 @pytest.mark.parametrize('name', ['lyapunov', 'transients'])
@@ -133,7 +133,7 @@ def test_restarted_simulator_is_noticed(bench, events):
     lyapunov = bench('lyapunov')
     lyapunov.send(events[:3000])
     lyapunov.send(events[:1000])
-    lyapunov.process.wait_for('the stream has begun anew')
+    lyapunov.process.wait_for('the stream has restarted')
     lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 999)
     assert same(lyapunov.said[-1], expected(events[:1000]))
 
@@ -150,7 +150,7 @@ def test_killed_simulator_and_its_successor(start, rclpy_node, spin):
     first.process.send_signal(signal.SIGKILL)
     first.process.wait()
     start('simulator', '--ros-args', '-p', 'rate:=500.0', '-p', 'wait_for_readers:=1')
-    lyapunov.wait_for('the stream has begun anew')
+    lyapunov.wait_for('the stream has restarted')
     assert lyapunov.stop(signal.SIGTERM) == 0
 
 

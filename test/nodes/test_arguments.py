@@ -12,8 +12,9 @@ from gear_rattle_ros.nodes.base.arguments import (
     refuse_plain,
     split_arguments,
 )
-from gear_rattle_ros.nodes.base.node import begin, GivenNode, StartError
-from gear_rattle_ros.parameters import declare, LYAPUNOV
+from gear_rattle_ros.nodes.base.errors import UserError
+from gear_rattle_ros.nodes.base.node import BaseNode
+from gear_rattle_ros.nodes.base.process import begin
 
 
 @pytest.mark.parametrize('given, plain, ros', [
@@ -48,20 +49,20 @@ def test_misspelt_sections_of_parameter_files_are_named(tmp_path: Path) -> None:
         '/**/simulatr: {ros__parameters: {alpha: 1.0}}\nrviz2: {}\n/**: {}\nsimulator: {}\n')
     ros = ['--ros-args', '--params-file', str(file)]
     assert list(misspelt_sections('simulator', ros)) == [
-        f"{file}: section '/**/simulatr' is for no node; did you mean 'simulator'?"]
+        f"{file}: section '/**/simulatr' belongs to no node; did you mean 'simulator'?"]
     assert not list(misspelt_sections('lyapunov', ros))
     file.write_text('a: {b: {simulatr: {ros__parameters: {}}}, ros_parameters: {c: {d: 1}}}\n')
     assert [line.split(':')[1] for line in misspelt_sections('simulator', ros)] == [
-        " section 'simulatr' is for no node; did you mean 'simulator'?"]
+        " section 'simulatr' belongs to no node; did you mean 'simulator'?"]
     file.write_text('simulator\n')
     line, = misspelt_sections('simulator', ros)
-    assert "'simulator' is no section and is not read; it must read NODE: {ros__par" in line
+    assert "'simulator' is not a section and is ignored; it must read NODE: {ros__par" in line
     for text in ('[1, 2', '- 1', '', '5: {}', '\x00'):
         file.write_text(text)
         assert not list(misspelt_sections('simulator', ros))
     assert not list(misspelt_sections('simulator', ['--params-file', '/nowhere']))
     assert list(misspelt_sections('simulator', ['-p', 'simulatr:alpha:=1', '-p', 'beta:=1'])) == [
-        "-p 'simulatr:alpha:=1': 'simulatr' is no node; did you mean 'simulator'?"]
+        "-p 'simulatr:alpha:=1': there is no node 'simulatr'; did you mean 'simulator'?"]
 
 
 def taken(ros: list[str]) -> str:
@@ -69,9 +70,8 @@ def taken(ros: list[str]) -> str:
     node = None
     try:
         begin(['--ros-args', *ros])
-        node = GivenNode('lyapunov')
-        declare(node, LYAPUNOV)
-    except (StartError, ValueError) as error:
+        node = BaseNode('lyapunov')
+    except (UserError, ValueError) as error:
         return str(error)
     finally:
         if node is not None:
@@ -102,17 +102,17 @@ BAD_FILES = {
     # What rcl does not take: with what is wrong where that can be said, and the form.
     SECTION % 'publish_rate: [1, 2.0]': "Value type 'double' do not belong at line_num 1; it",
     SECTION % 'publish_rate: ': 'No value at line 1; it must read NODE: {ros__parameters:',
-    SECTION % 'publish_rate: *a': 'is no YAML: found undefined alias',
-    SECTION % ('publish_rate: ' + '[' * 10_000): 'is no YAML: RecursionError; it must read',
+    SECTION % 'publish_rate: *a': 'is not YAML: found undefined alias',
+    SECTION % ('publish_rate: ' + '[' * 10_000): 'is not YAML: RecursionError; it must read',
     'lyapunov: {publish_rate: 5.0}': 'Cannot have a value before ros__parameters at line 1; it',
     'lyapunov: {ros_parameters: {window: 5}}': 'Cannot have a value before ros__parameters at',
     'ros__parameters: {window: 5}': 'There are no node names before ros__parameters at line 1;',
     'lyapunov: {ros__parameters: [1]}': 'Cannot have a value before ros__parameters at line 1;',
     '- 1': 'Sequences cannot be key at line 1; it must read',
-    'lyapunov:\n\tros__parameters: {}': 'is no YAML: while scanning for the next token found',
+    'lyapunov:\n\tros__parameters: {}': 'is not YAML: while scanning for the next token found',
     b'lyapunov: {ros__parameters: {}} # \xff': 'byte 34 is not UTF-8; it must read',
-    b'\x00': 'is no YAML: unacceptable character #x0000',
-    'a' * 200_000: 'has more than 100000 bytes: 200000',
+    b'\x00': 'is not YAML: unacceptable character #x0000',
+    'a' * 200_000: 'has 200000 bytes; at most 100000 are read',
 }
 
 
@@ -149,8 +149,8 @@ def test_parameter_files_that_are_taken(tmp_path: Path) -> None:
     for content, values in GOOD_FILES.items():
         file.write_text(content)
         begin(['--ros-args', '--params-file', str(file)])
-        node = GivenNode('lyapunov')
-        assert declare(node, LYAPUNOV) == {'publish_rate': 10.0, 'window': 1000, **values}
+        node = BaseNode('lyapunov')
+        assert node.values == {'publish_rate': 10.0, 'window': 1000, **values}
         node.destroy_node()
         try_shutdown()
 
@@ -183,7 +183,7 @@ def test_a_large_parameter_file_is_refused_unread(tmp_path: Path) -> None:
     """A mapping in a mapping, 1e5 times, takes rcl minutes; a pipe has no size to be judged by."""
     file = tmp_path / 'p.yaml'
     file.write_text('{a: ' * 100_000)
-    with pytest.raises(ValueError, match=f"'{file}' has more than 100000 bytes: 400000"):
+    with pytest.raises(ValueError, match=f"'{file}' has 400000 bytes; at most 100000 are"):
         refuse_large_files(['--params-file', str(file)])
     refuse_large_files(['--params-file', '/dev/null', '--params-file', '/nowhere'])
 
@@ -199,8 +199,8 @@ def test_a_pipe_is_read_once(start, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('arguments, words', [
-    (['--rate', '5'], "argument '--rate' is not known; parameters are given as --ros-args -p"),
-    (['--ros-args', '-q', 'foo'], "ROS does not know the arguments ['-q', 'foo']"),
+    (['--rate', '5'], "unknown argument '--rate'; parameters are given as --ros-args -p"),
+    (['--ros-args', '-q', 'foo'], "ROS refuses the arguments: ['-q', 'foo']"),
     (['--ros-args', '--params-file', '/nowhere'], "parameter file '/nowhere' cannot be read: No")])
 def test_a_node_refuses_what_it_would_ignore(start, arguments: list[str], words: str) -> None:
     """One line, status 2."""
@@ -215,7 +215,7 @@ def test_a_misspelt_section_is_said_and_the_node_goes_on(start, tmp_path: Path) 
     file.write_text('lyapunvo: {ros__parameters: {window: 5}}\n')
     node = start('lyapunov', '--ros-args', '--params-file', str(file))
     node.wait_for('ready')
-    assert f"lyapunov: {file}: section 'lyapunvo' is for no node; did you mean" in node.text()
+    assert f"lyapunov: {file}: section 'lyapunvo' belongs to no node; did you mean" in node.text()
     assert node.stop() == 0
 
 

@@ -25,6 +25,7 @@ from gear_rattle_ros.qos import LATCHED, STREAM
 
 # The colour of a start that has not settled.
 PALE = int(ENDS[UNSETTLED][1:], 16)
+STAMP = stamp_from_nanoseconds(7)
 
 
 class Pictures:
@@ -186,7 +187,8 @@ def test_where_areas_are_kept_all_is_unsettled_and_said_why() -> None:
                        cap=settings.cap, threads=1, is_dropped=lambda: False))
     assert [basins.plane for basins in shown] == planes
     for basins in shown:
-        picture = picture_of(Wanted(parameters, 1, 7, 0.0, False), basins, (), Memory(), settings)
+        picture = picture_of(
+            Wanted(parameters, 1, STAMP, 0.0, False), basins, (), Memory(), settings)
         assert picture.state.status[0].message.endswith(
             f'0 attractors, 100.0% unsettled: {CONSERVES}')
         assert [values_of(picture.state, 1)[name] for name in ('key', 'share')] == [

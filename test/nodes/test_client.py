@@ -34,7 +34,7 @@ def test_what_is_set_is_read_and_a_refusal_gives_up_what_waits(start, visitor) -
     visitor.wait()
     assert (found['beta'], found['gamma'], said) == (0.1, 0.1, ['paused'])
     visitor.get(('seed',), found.update)
-    with pytest.raises(ClientError, match='is no simulator of gear rattling'):
+    with pytest.raises(ClientError, match='is not a gear rattling simulator'):
         visitor.wait()
 
 

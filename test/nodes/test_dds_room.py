@@ -37,7 +37,7 @@ import sys
 import time
 import rclpy
 from std_msgs.msg import UInt32
-from gear_rattle_ros.nodes.dds_room import bound_backlog
+from gear_rattle_ros.nodes.base.dds_room import bound_backlog
 from gear_rattle_ros.qos import STREAM_INPUT
 bound_backlog()
 rclpy.init()
@@ -80,7 +80,7 @@ def test_a_window_of_batches_fits_in() -> None:
 def test_a_small_memory_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """DDS would die of a page that is not there; one line names what is free."""
     with_free(monkeypatch, 40)
-    assert '/dev/shm has 40 MB free, and the stream wants 32 MB' in make_room()
+    assert '/dev/shm has 40 MB free and the stream needs 32 MB' in make_room()
     assert not any(name in os.environ for name in PROFILES)
 
 

@@ -31,4 +31,4 @@ def test_finite_time_exponent_says_over_how_many_retunes() -> None:
     """In a ramp it is all there is."""
     status = Status(exponents={'lambda_1_finite': 0.25, 'finite_retunes': 497.0, 'window': 1e3})
     assert '+0.250000 over 497 retunes' in shown(status)
-    assert 'finite-time +0.250000 over 497 retunes' in status.line()
+    assert 'last 1,000 impacts +0.250000 over 497 retunes' in status.line()

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
-from gear_rattle_ros.nodes.base.node import begin
+from gear_rattle_ros.nodes.base.process import begin
 from gear_rattle_ros.nodes.suite.display import render, Status
 from gear_rattle_ros.nodes.suite.node import Monitor
 from gear_rattle_ros.nodes.viewer.basin import points_of
@@ -93,7 +93,7 @@ def test_the_suite_goes_on_and_shows_numbers(ros) -> None:
 def test_the_viewer_goes_on(ros, capfd) -> None:
     """Estimates, reports and pictures that are none are left out, and it draws the rest."""
     viewer = Viewer()
-    viewer._take(Simulation(Parameters(1.2), State(velocity=-0.5)).advance(10**6, 0.0, 50), 0)
+    viewer._take(Simulation(Parameters(1.2), State(velocity=-0.5)).advance(10**6, 0.0, 50))
     take = callbacks(viewer)
     assert set(take) == set(MESSAGES) - {'diagnostics'}
 
@@ -110,7 +110,7 @@ def test_the_viewer_goes_on(ros, capfd) -> None:
     take['lyapunov'](JointState(name=list(SHOWN), position=[math.nan] * len(SHOWN)))
     assert 'λ1 = 0.50000' in viewer._document()
     said = capfd.readouterr().err
-    assert "a message on lyapunov is refused: ValueError('impacts = nan')" in said
+    assert "refused a message on lyapunov: ValueError('impacts = nan')" in said
     assert 'Traceback' not in said
     viewer.close()
     viewer.destroy_node()
@@ -119,5 +119,5 @@ def test_the_viewer_goes_on(ros, capfd) -> None:
 def test_a_cloud_of_events_is_no_cloud_of_attractors() -> None:
     """Its fields have the right names, but not the right types: no number is read from it."""
     cloud = cloud_from_events(np.zeros(3, EVENT), stamp_from_nanoseconds(0))
-    with pytest.raises(ValueError, match='no cloud of little-endian float32'):
+    with pytest.raises(ValueError, match='not a cloud of little-endian float32'):
         points_of(cloud)

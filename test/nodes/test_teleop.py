@@ -275,7 +275,7 @@ def test_ctrl_z_without_a_shell_changes_nothing(teleop) -> None:
 @pytest.mark.long
 def test_exception_restores_the_terminal(domain) -> None:
     """An error that nobody foresaw is shown, on a terminal that works."""
-    screen = Screen(['-c', 'from gear_rattle_ros.nodes import teleop\n'
+    screen = Screen(['-c', 'from gear_rattle_ros.nodes.teleop import node as teleop\n'
                      'teleop.Teleop.line = lambda self: 1 / 0\nteleop.main()'])
     try:
         screen.wait_for('<status 1>')
@@ -292,5 +292,5 @@ def test_without_a_terminal_it_says_so(domain) -> None:
         stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        'teleop: stdin and stdout are no terminal; start it in one, not in a pipe or a launch '
+        'teleop: stdin and stdout are not a terminal; start it in one, not in a pipe or a launch '
         'file']

@@ -25,7 +25,7 @@ from gear_rattle_ros.messages import (
     named_values,
     stamp_from_nanoseconds,
 )
-from gear_rattle_ros.nodes.base.node import StartError
+from gear_rattle_ros.nodes.base.errors import UserError
 from gear_rattle_ros.nodes.base.scales import nice_limit
 from gear_rattle_ros.nodes.viewer.axes import colours_of, HALF_HEIGHT
 from gear_rattle_ros.nodes.viewer.recent import Recent
@@ -229,7 +229,7 @@ def test_a_viewer_that_is_closed_leaves_the_node_and_the_file(
     number = viewer.process.pid
     children = Path(f'/proc/{number}/task/{number}/children').read_text().split()
     os.kill(int(children[0]), signal.SIGTERM)
-    viewer.wait_for('nothing more is drawn there: the viewer has been closed')
+    viewer.wait_for('stopped drawing: the viewer has been closed')
     assert viewer.stop(signal.SIGTERM) == 0, viewer.text()
     with warnings.catch_warnings():
         warnings.simplefilter('error')
@@ -268,10 +268,10 @@ def test_files_that_are_refused(tmp_path: Path) -> None:
     """A file that exists stays as it is, and another kind of file is not made."""
     path = tmp_path / 'run.rrd'
     path.write_text('precious')
-    with pytest.raises(StartError, match='exists: name another file'):
+    with pytest.raises(UserError, match='exists: name another file'):
         file_recording(str(path), 'age')
     assert path.read_text() == 'precious'
-    with pytest.raises(StartError, match='must end in .rrd'):
+    with pytest.raises(UserError, match='must end in .rrd'):
         file_recording('run.png', 'age')
 
 
@@ -291,7 +291,7 @@ def test_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv('DISPLAY')
     assert chosen_mode('auto', 'run.rrd') == 'none'
     assert chosen_mode('auto', '') == 'web'
-    with pytest.raises(StartError, match='draws nothing: give save:=FILE.rrd'):
+    with pytest.raises(UserError, match='draws nothing: give save:=FILE.rrd'):
         chosen_mode('none', '')
-    with pytest.raises(StartError, match="mode = 'hologram' is not one of auto, native, web"):
+    with pytest.raises(UserError, match="mode = 'hologram' is not one of auto, native, web"):
         chosen_mode('hologram', '')

@@ -11,6 +11,7 @@ import subprocess
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Time
 import numpy as np
 from PIL import Image
 import pytest
@@ -60,12 +61,13 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = Scene(file_recording(str(path), 'age'), 'age', thins=False)
     traces, hues = follow((), points_of(basins.catalogue))
     picture = picture_of(
-        Wanted(basins.catalogue.parameters, 1, 7, 0.0, False), basins, hues, Memory(traces, 1.5),
+        Wanted(basins.catalogue.parameters, 1, Time(sec=7), 0.0, False), basins, hues,
+        Memory(traces, 1.5),
         Settings((50, 200), True, 0.0, 1.5, 5000, 1, 0))
     inputs = BasinInput()
-    assert inputs.take_image(picture.image) is None
-    assert inputs.take_attractors(picture.attractors) is None
-    drawn = inputs.take_state(picture.state)
+    assert inputs.take('basin', picture.image) is None
+    assert inputs.take('attractors', picture.attractors) is None
+    drawn = inputs.take('basin_state', picture.state)
     assert drawn is not None
     simulation = Simulation(Parameters(0.57), State(0, 0.0, 0.0, -1.0))
     recent, running, clock = Recent(1000), RunningLyapunov(), 0.0

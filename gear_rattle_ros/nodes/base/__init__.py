@@ -1,1 +1,1 @@
-"""What nodes share: the node itself, its events, its process, the client of a simulator."""
+"""What nodes share: the node, its events, its process, the client of a simulator."""

@@ -1,25 +1,25 @@
-"""What a node is given on its command line, and what of it nobody would read."""
+"""The command line of a node: what ROS would refuse in many lines, or ignore in silence."""
 
 from collections.abc import Iterator, Mapping, Sequence
 import difflib
+import json
 import os
 from pathlib import Path
-import re
 from typing import Any, Final
+
+from rclpy.utilities import remove_ros_args
 
 from ...parameters import shown, TABLES
 from ...plain_yaml import read_yaml
 
-# rcl takes time with the square of what stands in a file, and minutes for a megabyte [byte].
+# rcl needs time with the square of the size of a file: minutes for a megabyte [byte].
 LARGEST_FILE: Final = 100_000
 FORM: Final = 'it must read NODE: {ros__parameters: {NAME: VALUE}}'
-# What rcl says of a word of the command line; where in its source it does so helps nobody.
-_SOURCE: Final = re.compile(r',? at /\S+\.\w+:\d+')
-_UNPARSED: Final = re.compile(
-    r"Couldn't parse [a-z ]+: '(-\S+) (.*?)(?:'\. Error: (.*)|$)", re.DOTALL)
-_ALLOWED: Final = {
-    '-p': 'parameters are given as -p NAME:=VALUE, VALUE in YAML and of one type',
-    '-r': 'names are changed by -r FROM:=TO, __node:=NAME or __ns:=/NAMESPACE',
+_PARAMETER: Final = 'parameters are given as -p NAME:=VALUE, VALUE in YAML and of one type'
+_REMAP: Final = 'names are changed by -r FROM:=TO, __node:=NAME or __ns:=/NAMESPACE'
+_REMEDIES: Final = {
+    '-p': _PARAMETER, '--param': _PARAMETER, '-r': _REMAP, '--remap': _REMAP,
+    '--params-file': FORM,
     '--log-level': 'levels are debug, info, warn, error and fatal, for one logger NAME:=LEVEL',
 }
 
@@ -36,15 +36,21 @@ def split_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     return plain, ros
 
 
+def overrides(values: Mapping[str, object]) -> list[str]:
+    """Return arguments that set parameters: ROS reads JSON as YAML, and '2026' stays a string."""
+    return [word for name, value in values.items()
+            for word in ('-p', f'{name}:={json.dumps(value, ensure_ascii=False)}')]
+
+
 def refuse_plain(name: str, plain: Sequence[str]) -> None:
-    """Raise ValueError where a node that takes ROS arguments only is given others."""
+    """Raise ValueError where a node is given arguments that are not for ROS."""
     if not plain:
         return
     word = plain[0].lstrip('-').split('=')[0].replace('-', '_')
     names = [specification.name for specification in TABLES.get(name, ())]
     close = difflib.get_close_matches(word, names, 1)
     example = close[0] if close else 'NAME'
-    raise ValueError(f'argument {plain[0]!r} is not known; parameters are given as '
+    raise ValueError(f'unknown argument {plain[0]!r}; parameters are given as '
                      f'--ros-args -p {example}:=VALUE'
                      + (f', NAME one of {", ".join(names)}' if names and not close else ''))
 
@@ -53,67 +59,55 @@ def refuse_large_files(ros: Sequence[str]) -> None:
     """Raise ValueError where rcl would read a parameter file for minutes."""
     for file in _parameter_files(ros):
         if os.path.isfile(file) and os.path.getsize(file) > LARGEST_FILE:
-            raise ValueError(f'parameter file {file!r} has more than {LARGEST_FILE} bytes: '
-                             f'{os.path.getsize(file)}')
+            raise ValueError(f'parameter file {file!r} has {os.path.getsize(file)} bytes; '
+                             f'at most {LARGEST_FILE} are read')
 
 
-def can_be_read_again(ros: Sequence[str]) -> bool:
-    """Whether all parameter files still have what they had: a pipe gives it only once."""
-    return not any(_is_pipe(file) for file in _parameter_files(ros))
-
-
-def explained(error: Exception) -> str:
-    """Return what is wrong with arguments that rcl does not take: one line, with the remedy."""
-    words = _SOURCE.sub('', str(error)).replace('failed to initialize rcl: ', '')
-    found = _UNPARSED.search(words)
-    if not found:
-        return ' '.join(words.split())
-    # The reason is cut off where the argument is long.
-    flag, given, why = found.groups('')
-    if flag == '--params-file':
+def refused_argument(ros: Sequence[str], error: Exception) -> str:
+    """Return one line that names the argument rcl refuses, found by asking rcl for each alone."""
+    for flag, given in _pairs(ros):
+        if flag not in _REMEDIES or (flag == '--params-file' and Path(given).is_fifo()):
+            continue
         try:
-            why = _fault_of_file(given) or why
-        except OSError as error:
-            return f'parameter file {given!r} cannot be read: {error.strerror}'
-        return f'parameter file {given!r}: {" ".join(why.split())}; {FORM}'
-    flag = {'--param': '-p', '--remap': '-r'}.get(flag, flag)
-    return f'{flag} {shown(given)} is not understood' + (
-        f'; {_ALLOWED[flag]}' if flag in _ALLOWED else '')
+            remove_ros_args(['--ros-args', flag, given])
+        except RuntimeError as refusal:
+            if flag == '--params-file':
+                return _fault_of_file(given, refusal)
+            return f'{flag} {shown(given)} is not understood; {_REMEDIES[flag]}'
+    return f'ROS refuses the arguments: {_complaint(error)}'
 
 
 def misspelt_sections(name: str, ros: Sequence[str]) -> Iterator[str]:
-    """Yield a line for everything given under another name that seems meant for this node."""
+    """Yield a line for everything under another name that seems to be meant for this node."""
     for file in _parameter_files(ros):
         try:
-            # A pipe gives what it has only once.
+            # A pipe can be read only once.
             sections = read_yaml(Path(file).read_text()) if os.path.isfile(file) else None
         except (OSError, ValueError):
-            # rcl has read it and had its say.
+            # rcl has read it, and refused it if it had to.
             continue
-        # ROS passes over a section of another name, and over a lone word, without a word.
+        # ROS ignores a lone word, and a section of another name, in silence.
         if not isinstance(sections, (Mapping, list, type(None))):
-            yield f'{file}: {shown(sections)} is no section and is not read; {FORM}'
+            yield f'{file}: {shown(sections)} is not a section and is ignored; {FORM}'
         for section in _sections_of(sections):
             if _is_nearest(name, section):
-                yield f'{file}: section {section!r} is for no node; did you mean {name!r}?'
-    for flag, rule in zip(ros[:-1], ros[1:], strict=True):
+                yield f'{file}: section {section!r} belongs to no node; did you mean {name!r}?'
+    for flag, rule in _pairs(ros):
         node, colon, _ = rule.split(':=')[0].rpartition(':')
         if flag in ('-p', '--param') and colon and _is_nearest(name, node):
-            yield f'-p {shown(rule)}: {node!r} is no node; did you mean {name!r}?'
+            yield f'-p {shown(rule)}: there is no node {node!r}; did you mean {name!r}?'
+
+
+def _pairs(ros: Sequence[str]) -> Iterator[tuple[str, str]]:
+    return zip(ros[:-1], ros[1:], strict=True)
 
 
 def _parameter_files(ros: Sequence[str]) -> Iterator[str]:
-    for flag, file in zip(ros[:-1], ros[1:], strict=True):
-        if flag == '--params-file':
-            yield file
-
-
-def _is_pipe(file: str) -> bool:
-    return os.path.exists(file) and not os.path.isfile(file) and not os.path.isdir(file)
+    return (file for flag, file in _pairs(ros) if flag == '--params-file')
 
 
 def _sections_of(content: Any) -> Iterator[str]:
-    """Yield the names of a file at which nodes may be, also those in a namespace."""
+    """Yield the names in a file that may be nodes, in namespaces too."""
     places = [content]
     while places:
         place = places.pop()
@@ -130,15 +124,21 @@ def _is_nearest(name: str, section: str) -> bool:
         last, list(TABLES), 1, 0.75)
 
 
-def _fault_of_file(file: str) -> str:
-    """Say what is wrong with a file as text, if anything; OSError where it cannot be read."""
-    if _is_pipe(file):
-        return ''
+def _complaint(error: Exception) -> str:
+    """Return what rcl complains of, without the places in its own source that follow."""
+    return ' '.join(str(error).partition(', at /')[0].rpartition('Error: ')[2].split())
+
+
+def _fault_of_file(file: str, refusal: Exception) -> str:
     try:
         with open(file, 'rb') as stream:
             read_yaml(stream.read().decode())
+    except OSError as error:
+        return f'parameter file {file!r} cannot be read: {error.strerror}'
     except UnicodeDecodeError as error:
-        return f'byte {error.start} is not UTF-8'
+        fault = f'byte {error.start} is not UTF-8'
     except ValueError as error:
-        return str(error)
-    return ''
+        fault = str(error)
+    else:
+        fault = _complaint(refusal)
+    return f'parameter file {file!r}: {fault}; {FORM}'

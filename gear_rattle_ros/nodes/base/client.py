@@ -17,26 +17,29 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
+from .errors import UserError
+from ...scenes import Step
+
 GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
 SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
                    PAUSE: SetBool}
-# How long a simulator may take to be found and to answer, on a machine that is busy too [s].
+# How long a simulator may take to be found and to answer, even on a busy machine [s].
 WITHIN: Final = 8.0
-# A service that has just been discovered may not know yet where to send its answer: ask again.
+# A service may not know yet where to send its answer when it is discovered: ask again after [s].
 AGAIN: Final = 2.0
 Then: TypeAlias = Callable[[str], object]
 
 
-class ClientError(Exception):
+class ClientError(UserError):
     """A simulator is absent, ambiguous or silent, or refuses; the message is one line."""
 
 
 class RefusalError(ClientError):
-    """The simulator is there, and refuses."""
+    """The simulator is there but refuses."""
 
 
 class SimulatorClient:
-    """Asks one thing after the other; where one fails, those that wait are given up."""
+    """Makes one request after the other; where one fails, those that wait are dropped."""
 
     def __init__(self, node: Node, simulator: str, services: Iterable[str] = SERVICES) -> None:
         self._node = node
@@ -44,7 +47,7 @@ class SimulatorClient:
             name: node.create_client(SERVICES[name], f'{simulator}/{name}') for name in services}
         self.name = node.resolve_service_name(f'{simulator}/{RESET}').removesuffix(f'/{RESET}')
         self._requests: deque[tuple[Client, Any, Callable[[Any], object]]] = deque()
-        # What is under way for the first of them: several where it was asked again.
+        # The answers awaited for the first request: several where it was repeated.
         self._answers: list[Future] = []
         self._since = 0.0
 
@@ -63,12 +66,12 @@ class SimulatorClient:
         names = list(names)
 
         def taken(answer: GetParameters.Response) -> None:
-            for name, value in zip(names, answer.values, strict=True):
+            values = dict(zip(names, answer.values, strict=True))
+            for name, value in values.items():
                 if value.type != ParameterType.PARAMETER_DOUBLE:
-                    raise ClientError(f'{self.name} is no simulator of gear rattling: it has no '
+                    raise ClientError(f'{self.name} is not a gear rattling simulator: it has no '
                                       f'parameter {name}')
-            take({name: value.double_value
-                  for name, value in zip(names, answer.values, strict=True)})
+            take({name: value.double_value for name, value in values.items()})
 
         self._ask(GET, GetParameters.Request(names=names), taken)
 
@@ -78,18 +81,23 @@ class SimulatorClient:
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]),
             lambda answer: self._judge(answer.result.successful, answer.result.reason, bool))
 
+    def begin(self, step: Step, then: Then = bool) -> None:
+        """Set the parameters of a step of a scene, and reset the state where the step does."""
+        if step.parameters:
+            self.put(step.parameters)
+        if step.reset:
+            self.reset(then)
+
     def reset(self, then: Then = bool) -> None:
-        """Set the state to the initial one; then is given what the simulator says to it."""
-        self._ask(RESET, Trigger.Request(), lambda answer: self._judge(
-            answer.success, answer.message, then))
+        """Reset the state to the initial condition; `then` is given the simulator's answer."""
+        self._ask(RESET, Trigger.Request(), then=then)
 
     def pause(self, paused: bool, then: Then = bool) -> None:
-        """Stop time, or let it go on."""
-        self._ask(PAUSE, SetBool.Request(data=paused), lambda answer: self._judge(
-            answer.success, answer.message, then))
+        """Stop time, or let it continue."""
+        self._ask(PAUSE, SetBool.Request(data=paused), then=then)
 
     def tick(self) -> None:
-        """Ask what is next, or take its answer; ClientError where that fails."""
+        """Make the next request, or take its answer; ClientError where that fails."""
         done = [future for future in self._answers if future.done()]
         try:
             if done:
@@ -109,14 +117,16 @@ class SimulatorClient:
             executor.spin_once(timeout_sec=0.02)
 
     def forget(self) -> None:
-        """Give up everything that is asked."""
+        """Drop all requests."""
         while self._requests:
             self._drop()
 
-    def _ask(self, service: str, message: Any, take: Callable[[Any], object]) -> None:
+    def _ask(self, service: str, message: Any, take: Callable[[Any], object] | None = None,
+             then: Then = bool) -> None:
         if not self._requests:
             self._since = time.monotonic()
-        self._requests.append((self._clients[service], message, take))
+        self._requests.append((self._clients[service], message, take or (
+            lambda answer: self._judge(answer.success, answer.message, then))))
 
     def _judge(self, is_done: bool, words: str, then: Then) -> None:
         if not is_done:
@@ -144,7 +154,7 @@ class SimulatorClient:
 
 
 class Visitor(SimulatorClient):
-    """A client for a program that is no node: on a node and in a context of its own."""
+    """A client for a program without a node: it has a node and a context of its own."""
 
     def __init__(self, name: str, simulator: str, services: Iterable[str] = SERVICES) -> None:
         self._context = Context()

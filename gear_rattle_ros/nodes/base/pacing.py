@@ -5,9 +5,9 @@ import time
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
-# Batches published before every reader must have acknowledged them all; far below STREAM_DEPTH.
+# Batches published before every reader must have acknowledged them; far below STREAM_DEPTH.
 WINDOW = 400
-# One wait for acknowledgements, so that parameters and Ctrl-C are served in between.
+# Length of one wait for acknowledgements: parameters and Ctrl-C are served in between.
 PATIENCE = Duration(nanoseconds=20_000_000)
 
 
@@ -15,8 +15,8 @@ class AcknowledgedPace:
     """
     Publish no faster than the slowest matched reliable reader takes the batches.
 
-    A reader that keeps all acknowledges a batch only when it has room for it, so nothing is
-    dropped. A reader that has died is waited for until DDS gives it up (20 s by default).
+    A reader that keeps everything acknowledges a batch only when it has room for it, so nothing
+    is dropped. A reader that has died holds the stream up until DDS gives up on it (20 s).
     """
 
     def __init__(self, publisher: Publisher) -> None:
@@ -33,11 +33,9 @@ class AcknowledgedPace:
         if self._open < WINDOW:
             return True
         if self._publisher.wait_for_all_acked(PATIENCE):
-            self._open = 0
-            self.waiting_since = None
+            self._open, self.waiting_since = 0, None
             return True
-        if self.waiting_since is None:
-            self.waiting_since = time.monotonic()
+        self.waiting_since = self.waiting_since or time.monotonic()
         return False
 
 
@@ -50,7 +48,7 @@ class ClockPace:
         self._before = time.monotonic()
 
     def due(self, rate: float) -> float:
-        """Return the drive periods due; time beyond the longest tick is given up, as lag [s]."""
+        """Return the drive periods due; time beyond the longest tick is skipped, as lag [s]."""
         now = time.monotonic()
         passed = now - self._before
         self._before = now

@@ -1,4 +1,4 @@
-"""What others send to a node, made safe: a malformed request or message must not end it."""
+"""Protection from what others send: a malformed request or message must not end a node."""
 
 from collections.abc import Callable
 import re
@@ -8,35 +8,35 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-# Different reasons that are told of one topic.
+# Different reasons that are logged for one topic.
 REASONS_MOST: Final = 20
 _TYPES: Final = {int(kind.value) for kind in Parameter.Type}
 
 
 def tolerant(node: Node, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Return a callback that leaves out what it cannot understand; the log has every reason."""
-    said: set[str] = set()
+    """Return a callback that skips what `take` cannot understand, and logs each reason once."""
+    logged: set[str] = set()
 
     def guarded(message: Any) -> None:
         try:
             take(message)
         except Exception as error:
             reason = f'{error!r:.200}'
-            if reason not in said and len(said) < REASONS_MOST:
-                said.add(reason)
-                node.get_logger().warning(f'a message on {topic} is refused: {reason}')
+            if reason not in logged and len(logged) < REASONS_MOST:
+                logged.add(reason)
+                node.get_logger().warning(f'refused a message on {topic}: {reason}')
     return guarded
 
 
 def harden(node: Node) -> None:
-    """Let every service of a node answer what it cannot understand, with the reason in the log."""
+    """Make every service of a node refuse what it cannot understand, with a reason in the log."""
     for service in node.services:
         service.callback = _guarded(node, service.callback)
 
 
 def _guarded(node: Node, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     def guarded(request: Any, response: Any) -> Any:
-        # rclpy falls over an unknown type, and takes any value for a parameter without a name.
+        # rclpy raises at an unknown type, and accepts any value for a parameter without a name.
         for parameter in getattr(request, 'parameters', ()):
             if parameter.value.type not in _TYPES:
                 return _refused(request, response,
@@ -46,7 +46,7 @@ def _guarded(node: Node, answer: Callable[[Any, Any], Any]) -> Callable[[Any, An
         try:
             return _named(request, answer(request, response))
         except Exception as error:
-            node.get_logger().warning(f'a request is refused: {error!r:.500}')
+            node.get_logger().warning(f'refused a request: {error!r:.500}')
             return _refused(request, type(response)(), repr(error))
     return guarded
 
@@ -61,7 +61,7 @@ def _refused(request: Any, response: Any, reason: str) -> Any:
 
 
 def _named(request: Any, response: Any) -> Any:
-    # rclpy does not always say which parameter it refuses.
+    # rclpy does not always name the parameter that it refuses.
     given = getattr(request, 'parameters', ())
     results = getattr(response, 'results', ())
     if hasattr(response, 'result') and len(given) == 1:

@@ -1,6 +1,7 @@
-"""The recorder: writes what the suite publishes into an MCAP bag, as it came."""
+"""The recorder: writes what the suite publishes into an MCAP bag, byte for byte."""
 
 from collections.abc import Callable, Mapping
+import functools
 import os
 from pathlib import Path
 import sys
@@ -11,30 +12,22 @@ from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from .recording import Received, Recording
-from ..base.dds_room import ReadingNode
-from ..base.node import HoleLog, run_node, ShellNode, StartError
+from ..base.dds_room import bound_backlog
+from ..base.errors import UserError
+from ..base.event_input import arrived, StreamHealth
+from ..base.node import ReportingNode
+from ..base.process import run_node
 from ...bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
 from ...core.words import counted
-from ...parameters import RECORDER
-from ...qos import STREAM_INPUT
+from ...qos import profile, STREAM_INPUT
 
-# Like STREAM_INPUT, and given the present state of the latched topics at the start.
-_LATCHED_INPUT: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-_CLOCK_INPUT: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+# Like STREAM_INPUT, but receives the present state of the latched topics first.
+_LATCHED_INPUT: Final = profile(0, is_latched=True)
 # The types are known, so a subscription waits for its publisher and misses no first message.
 _TOPICS: Final = (
     ('impacts', PointCloud2, STREAM_INPUT),
@@ -46,61 +39,58 @@ _TOPICS: Final = (
     ('basin_state', DiagnosticArray, _LATCHED_INPUT),
     ('/diagnostics', DiagnosticArray, STREAM_INPUT),
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
-    ('/clock', Clock, _CLOCK_INPUT),
+    ('/clock', Clock, profile(1000, is_reliable=False)),
 )
 _UNCOUNTED: Final = ('/diagnostics', '/parameter_events', '/clock')
-# Messages taken at one go, as going through the executor costs more than taking them.
+# Messages taken in one callback.
 _MOST: Final = 64
 
 
 class _Source:
-    """A subscription, and what its publisher has counted."""
+    """A subscription, and the messages missing in its publisher's count."""
 
-    def __init__(self, node: ShellNode, name: str, kind: Any, qos: QoSProfile,
+    def __init__(self, node: ReportingNode, name: str, kind: Any, qos: QoSProfile,
                  take: Callable[['_Source', bytes, Mapping[str, Any]], None]) -> None:
-        self.lost = 0
-        self.superseded = 0
+        self.lost = self.superseded = 0
         self._node = node
         self._take = take
-        self._kind = kind
         self._type_name = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
-        self._definition = _definition(self._type_name)
+        try:
+            self._definition = message_definition(self._type_name, _share)
+        except OSError as error:
+            raise UserError(f'the definition of {self._type_name} is not found ({error}); '
+                            'set AMENT_PREFIX_PATH') from None
         self._last: int | None = None
         self._topic: Topic | None = None
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
-        # Where many publish or messages may be dropped, gaps in the counting mean nothing.
+        # With several publishers, or where messages may be dropped, gaps mean nothing.
         self._is_counted = name not in _UNCOUNTED
-        # Latched, a message that is replaced before it was fetched has had its day.
-        self._is_newest_enough = qos is _LATCHED_INPUT
+        # A latched message that is replaced before it was fetched is no longer needed.
+        self._is_latched = qos is _LATCHED_INPUT
         self.name = self._subscription.topic_name
 
     def topic(self) -> Topic:
-        """Describe the topic; its publisher is there by the time of the first message."""
+        """Describe the topic; its publisher is known once the first message has arrived."""
         if self._topic is None:
-            offers = []
-            type_hash = 'INVALID'
-            for publisher in self._node.get_publishers_info_by_topic(self.name):
-                if publisher.topic_type == self._type_name:
-                    offers.append(_qos_words(publisher.qos_profile))
-                    type_hash = str(publisher.topic_type_hash)
+            publishers = [
+                each for each in self._node.get_publishers_info_by_topic(self.name)
+                if each.topic_type == self._type_name]
             self._topic = Topic(
-                self.name, self._type_name, self._definition, type_hash,
-                tuple(offers or [_qos_words(self._subscription.qos_profile)]))
+                self.name, self._type_name, self._definition,
+                str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
+                tuple(map(_qos_words, [each.qos_profile for each in publishers]
+                          or [self._subscription.qos_profile])))
         return self._topic
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:
-        """Take what has arrived, up to a moment, from the reader; return whether there is more."""
-        handle = self._subscription.handle
-        for _ in range(most):
-            with handle:
-                message = handle.take_message(self._kind, True)
-            if message is None:
+        """Take messages that have arrived, up to a moment; return whether there may be more."""
+        for data, info in arrived(self._subscription, most):
+            self._count(data, info)
+            if info['received_timestamp'] > until:
                 return False
-            self._count(*message)
-            if message[1]['received_timestamp'] > until:
-                return False
-        return True
+            most -= 1
+        return most == 0
 
     def _receive(self, data: bytes, info: Mapping[str, Any]) -> None:
         self._count(data, info)
@@ -111,107 +101,91 @@ class _Source:
         if number is not None:
             jump = 0 if self._last is None else number - self._last - 1
             self._last = number
-            if self._is_newest_enough:
+            if self._is_latched:
                 self.superseded += max(jump, 0)
             elif self._is_counted:
                 self.lost += max(jump, 0)
         self._take(self, data, info)
 
 
-class Recorder(ReadingNode):
-    """Records the topics of the suite in its namespace, and /diagnostics and the like."""
+class Recorder(ReportingNode):
+    """Records the topics of the suite in its namespace, and the global ones such as /clock."""
 
-    def __init__(self) -> None:
-        super().__init__('recorder', RECORDER)
-        self._is_failure_told = False
+    def __init__(self, **options: Any) -> None:
+        super().__init__('recorder', bound_backlog, **options)
         self._garbled = 0
         self._sources = [_Source(self, *topic, self._record) for topic in _TOPICS]
         writer = self._make_writer()
         self._directory = writer.directory
         self._recording = Recording(writer, self._sources[0].name)
-        self._holes = HoleLog(self, self._recording.guard, 'they are not in the bag')
+        self._health = StreamHealth(self, self._recording.guard, 'they are not in the bag')
         self.every(0.2, self._watch)
         self.get_logger().info(f'recording into {self._directory}')
-
-    @property
-    def has_failed(self) -> bool:
-        """Whether something could not be written."""
-        return bool(self._recording.failure)
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return what has been written, and whether all of it."""
         recording = self._recording
+        level, message, losses = self._health.report()
         values = {
-            'messages': recording.messages,
-            'impacts': recording.impacts,
-            **self._holes.counts(),
-            'messages_lost': sum(self._lost().values()),
-            'messages_superseded': self._superseded(),
-            'messages_garbled': self._garbled,
-            'bytes': recording.size,
-            'backlog_bytes': recording.backlog,
-            'unwritten_age': recording.age,
-            'output': str(self._directory),
-        }
+            'messages': recording.messages, 'impacts': recording.impacts, **losses,
+            'messages_lost': sum(source.lost for source in self._sources),
+            'messages_superseded': sum(source.superseded for source in self._sources),
+            'messages_garbled': self._garbled, 'bytes': recording.size,
+            'backlog_bytes': recording.backlog, 'unwritten_age': recording.age,
+            'output': str(self._directory)}
         if recording.failure:
             return 'error', f'stopped: {recording.failure}', values
-        level, message = self._holes.status()
         if level == 'ok':
-            odd = [f'{counted(number, "message")} of {name} lost on the way'
-                   for name, number in self._lost().items()]
-            odd += [f'{counted(self._garbled, "message")} garbled'] if self._garbled else []
-            level, message = ('warn', ', '.join(odd)) if odd else ('ok', 'recording')
+            odd = self._lost() + [f'{counted(self._garbled, "message")} garbled'] * bool(
+                self._garbled)
+            level, message = 'warn' if odd else 'ok', ', '.join(odd) or 'recording'
         return level, message, values
 
     def close(self) -> None:
-        """Write what has arrived, end the bag and say what is in it."""
-        # What has arrived has been acknowledged: nobody else keeps it.
+        """Write what has arrived, close the bag and print what it holds."""
+        # What has arrived was acknowledged: nobody else keeps it.
         now = time.time_ns()
         while sum(source.take(_MOST, now) for source in self._sources):
             pass
-        self._recording.close()
         recording = self._recording
+        recording.close()
         self._watch()
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
-        odd = ''.join(
-            f', {counted(number, "message")} of {name} lost on the way'
-            for name, number in self._lost().items())
-        odd += f', {self._superseded()} superseded' if self._superseded() else ''
-        odd += f', {self._garbled} garbled' if self._garbled else ''
-        odd += f', {counted(recording.unreadable, "batch")} unreadable' if recording.unreadable \
-            else ''
+        superseded = sum(source.superseded for source in self._sources)
+        odd = ''.join(f', {words}' for words in [*self._lost(), *(words for count, words in (
+            (superseded, f'{superseded} superseded'), (self._garbled, f'{self._garbled} garbled'),
+            (recording.unreadable, f'{counted(recording.unreadable, "batch")} unreadable'))
+            if count)])
         print(f'recorded {counted(recording.impacts, "impact")} in '
               f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
               f'({counted(recording.guard.gaps, "gap")}){odd}, '
               f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
 
-    def _lost(self) -> dict[str, int]:
-        return {source.name: source.lost for source in self._sources if source.lost}
-
-    def _superseded(self) -> int:
-        return sum(source.superseded for source in self._sources)
+    def _lost(self) -> list[str]:
+        return [f'{counted(source.lost, "message")} of {source.name} lost on the way'
+                for source in self._sources if source.lost]
 
     def _make_writer(self) -> BagWriter:
         compression = str(self.values['compression'])
         if compression not in COMPRESSIONS:
-            raise StartError(f'compression = {compression!r} is not one of '
-                             f'{", ".join(COMPRESSIONS)}')
+            raise UserError(f'compression = {compression!r} is not one of '
+                            f'{", ".join(COMPRESSIONS)}')
         name = str(self.values['output']) or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
         try:
             return BagWriter(
                 Path(name).expanduser(), compression, largest=int(self.values['max_bag_size']),
                 longest=int(self.values['max_bag_duration']) * 1_000_000_000)
         except BagError as error:
-            raise StartError(f'output = {error}') from None
+            raise UserError(f'output = {error}') from None
 
     def _record(self, source: _Source, data: bytes, info: Mapping[str, Any]) -> None:
-        # Seen under load: DDS hands over bytes that are no message, with a time that is none. In
-        # the bag they would stand first, and end every reading of it there.
+        # Seen under load: DDS delivers bytes that are not a message, at an invalid time. In the
+        # bag they would come first, and no reader would get past them.
         if data[:1] != b'\0':
             self._garbled += 1
             self.get_logger().error(
-                f'{source.name}: DDS handed over {len(data)} bytes that are no message '
+                f'{source.name}: DDS delivered {len(data)} bytes that are not a message '
                 f'({data[:8].hex()} ..., received at {info["received_timestamp"]} ns); left out',
                 throttle_duration_sec=1.0)
             return
@@ -221,32 +195,24 @@ class Recorder(ReadingNode):
             info.get('publication_sequence_number') or 0))
 
     def _watch(self) -> None:
-        self._holes.speak()
-        if self._recording.failure and not self._is_failure_told:
-            self._is_failure_told = True
+        self._health.log()
+        if self._recording.failure and not self.exit_status:
+            self.exit_status = 1
             self.get_logger().error(
                 f'{self._recording.failure}; recording has stopped, '
                 f'{counted(self._recording.messages, "message")} kept')
-
-
-def _definition(type_name: str) -> str:
-    try:
-        return message_definition(type_name, _share)
-    except OSError as error:
-        raise StartError(f'the definition of {type_name} is not found ({error}); '
-                         'set AMENT_PREFIX_PATH') from None
 
 
 def _share(package: str) -> str:
     try:
         return str(get_package_share_directory(package))
     except (LookupError, OSError):
-        # The wheels of ROS lie in python's own prefix, which need not be in AMENT_PREFIX_PATH.
+        # The wheels of ROS are in python's own prefix, which need not be in AMENT_PREFIX_PATH.
         return os.path.join(sys.prefix, 'share', package)
 
 
 def _qos_words(qos: QoSProfile) -> dict[str, object]:
-    """Return a quality of service in the words of rosbag2."""
+    """Return a quality of service as rosbag2 writes it."""
     return {
         'history': qos.history.short_key,
         'depth': qos.depth,
@@ -261,17 +227,7 @@ def _qos_words(qos: QoSProfile) -> dict[str, object]:
 
 
 def _time(duration: Duration) -> dict[str, int]:
-    seconds, rest = divmod(duration.nanoseconds, 1_000_000_000)
-    return {'sec': seconds, 'nsec': rest}
+    return dict(zip(('sec', 'nsec'), divmod(duration.nanoseconds, 10**9), strict=True))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the recorder; exit status 1 if it could not write everything."""
-    made: list[Recorder] = []
-
-    def make() -> Recorder:
-        made.append(Recorder())
-        return made[0]
-
-    status = run_node('recorder', make, arguments)
-    return status or int(any(node.has_failed for node in made))
+main = functools.partial(run_node, 'recorder', Recorder)

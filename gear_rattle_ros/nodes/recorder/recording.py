@@ -1,4 +1,4 @@
-"""The recorder's other thread: counts what is lost and writes the bag."""
+"""The recorder's other thread: counts lost impacts and writes the bag."""
 
 from collections import deque
 import dataclasses
@@ -12,22 +12,22 @@ from ...bags import BagError, BagWriter, CloudDecoder, Topic
 from ...core.model import EVENT, EventKind, impact_count
 from ...core.stream.guard import GUARDED, StreamGuard
 
-# Bytes that may wait for the disk; then the reader of the topics waits, and DDS holds up the
+# Bytes that may wait for the disk. Beyond that the node stops reading, and DDS holds up the
 # publishers, so that nothing is lost.
 _ROOM: Final = 32 * 1024 * 1024
-# What a killed recorder loses at the most is younger than this and the time of one write [s].
+# A killed recorder loses only messages younger than this and the time of one write [s].
 _FLUSH_PERIOD: Final = 0.4
-# The disk is told to write what it was given so long ago; waiting for it holds nobody up [s].
+# Interval at which the file is synced to the disk, in a thread that holds nobody up [s].
 _SYNC_PERIOD: Final = 0.4
 _METADATA_PERIOD: Final = 2.0
 
-# The fields of an event that tell whether the stream is whole.
+# The fields of an event that show whether the stream is whole.
 _KEYS: Final = np.dtype([(name, EVENT[name]) for name in GUARDED])
 
 
 @dataclasses.dataclass(frozen=True)
 class Received:
-    """A message on its way to the bag."""
+    """A message on its way to the bag; times in ns."""
 
     topic: Topic
     data: bytes
@@ -38,19 +38,17 @@ class Received:
 
 class Recording:
     """
-    A bag that is written by a thread of its own.
+    Writes a bag in a thread of its own.
 
-    Whether the stream of impacts is whole is read from its records; lost messages of the other
-    topics are found by the publishers' counting, which the node watches.
+    The records of the stream show whether impacts are missing; on the other topics the node
+    watches the publishers' counts.
     """
 
     def __init__(self, writer: BagWriter, impacts: str) -> None:
-        self.impacts = 0
-        self.messages = 0
+        self.impacts = self.messages = self.unreadable = 0
         self.failure = ''
-        self.unreadable = 0
         self.guard = StreamGuard()
-        # Compiled now, not while the first batch waits.
+        # Compile now, not while the first batch waits.
         StreamGuard().split(np.zeros(2, _KEYS))
         self._decoder = CloudDecoder()
         self._impacts_topic = impacts
@@ -85,7 +83,7 @@ class Recording:
         return 0.0 if oldest is None else max(time.time_ns() - oldest, 0) / 1e9
 
     def put(self, received: Received) -> None:
-        """Hand a message over; waits while there is no room."""
+        """Hand a message over; wait while there is no room."""
         with self._changed:
             while self._bytes > _ROOM and not self.failure:
                 self._changed.wait()
@@ -98,7 +96,7 @@ class Recording:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Write everything that was handed over, and end the bag."""
+        """Write everything that was handed over, and close the bag."""
         with self._changed:
             self._is_closing = True
             self._changed.notify_all()
@@ -127,7 +125,7 @@ class Recording:
                     self._writer.close()
                     return
         except Exception as error:
-            # Whatever it is, the publishers must not be left waiting.
+            # Whatever went wrong, the publishers must not be left waiting.
             self._end_sync()
             self.messages = self._writer.abandon()
             self._fail(str(error))
@@ -156,7 +154,7 @@ class Recording:
         return received
 
     def _fail(self, reason: str) -> None:
-        """Let messages go by from now on, so that no publisher waits for a full disk."""
+        """Ignore messages from now on, so that no publisher waits for a full disk."""
         with self._changed:
             self.failure = reason
             self._waiting.clear()
@@ -178,7 +176,7 @@ class Recording:
         try:
             records = self._decoder.columns(data, _KEYS.names or ())
             if len(records) and records['kind'].max() > max(EventKind):
-                raise ValueError('an event of no known kind')
+                raise ValueError('unknown kind of event')
         except ValueError:
             self.unreadable += 1
             return

@@ -3,114 +3,105 @@
 import argparse
 from collections.abc import Mapping, Sequence
 import importlib
-import json
 from pathlib import Path
 import sys
 from typing import Any, Final
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from .playing import Output, Playing, Span, WINDOW
-from ..base.arguments import split_arguments
-from ..base.dds_room import StreamingNode
-from ..base.node import run_node, StartError
+from ..base.arguments import overrides, split_arguments
+from ..base.dds_room import make_room
+from ..base.errors import UserError
+from ..base.node import ReportingNode
+from ..base.process import run_node
 from ...bags import Bag, BagError, Topic
 from ...core.words import counted
 from ...messages import stamp_from_nanoseconds
 from ...parameters import REPLAY
-from ...qos import CLOCK
+from ...qos import CLOCK, profile
 
-# What the nodes of then said of themselves is not true of those that run now.
+# What recorded nodes reported on themselves is not true of those that run now.
 _NOT_UNASKED: Final = ('/diagnostics', '/parameter_events')
 
 
-class Replay(StreamingNode):
+class Replay(ReportingNode):
     """Publishes a bag's topics under their recorded names and qualities of service."""
 
-    def __init__(self) -> None:
-        super().__init__('replay', REPLAY)
+    def __init__(self, **options: Any) -> None:
+        super().__init__('replay', make_room, **options)
         if not self.values['bag']:
-            raise StartError('no bag is given; say replay BAG, or set the parameter bag')
+            raise UserError('no bag is given; use replay BAG, or set the parameter bag')
         try:
             self._bag = Bag(Path(str(self.values['bag'])).expanduser())
         except BagError as error:
-            raise StartError(str(error)) from None
+            raise UserError(str(error)) from None
         self._span = self._find_span()
         names = self._choose()
         outputs = {name: self._make_output(self._bag.topics[name]) for name in names}
         self._topics = len(outputs)
-        self._clock_output = self.create_publisher(Clock, '/clock', CLOCK) \
-            if self.values['clock'] else None
+        clock = self.create_publisher(Clock, '/clock', CLOCK) if self.values['clock'] else None
         if not self._bag.is_whole:
             self.get_logger().warning(f'{self._bag.path} was not closed properly; '
                                       'its complete chunks are played')
         self._playing = Playing(
             self._bag, outputs, self._span, int(self.values['wait_for_readers']),
-            self._tick if self._clock_output else None)
+            None if clock is None else lambda log_time: clock.publish(
+                Clock(clock=stamp_from_nanoseconds(log_time))))
         self.every(0.05, self._watch)
 
-    @property
-    def has_failed(self) -> bool:
-        """Whether the bag could not be played to its end."""
-        return bool(self._playing.failure)
-
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return how far it is."""
+        """Return how far the bag has been played."""
         playing = self._playing
-        values = {
-            'messages': playing.messages,
-            'position': (playing.position - self._bag.start) / 1e9,
-            'duration': (self._bag.end - self._bag.start) / 1e9,
-            'rounds': playing.rounds,
-            'bag': str(self._bag.path),
-        }
-        if playing.failure:
-            return 'error', playing.failure, values
-        return 'ok', playing.state, values
+        position, duration = self._times()
+        return 'error' if playing.failure else 'ok', playing.failure or playing.state, {
+            'messages': playing.messages, 'position': position, 'duration': duration,
+            'rounds': playing.rounds, 'bag': str(self._bag.path)}
 
     def close(self) -> None:
-        """Stop, and say what was published."""
+        """Stop, and print what was published."""
         playing = self._playing
         playing.close()
         if playing.failure:
+            self.exit_status = 1
             print(f'replay: {playing.failure}', file=sys.stderr, flush=True)
-        position = (playing.position - self._bag.start) / 1e9
-        duration = (self._bag.end - self._bag.start) / 1e9
+        position, duration = self._times()
         print(f'replayed {counted(playing.messages, "message")} on '
               f'{counted(self._topics, "topic")}, '
               f'{"complete" if playing.rounds else "stopped"} at {position:.3f} s of '
               f'{duration:.3f} s, from {self._bag.path}', flush=True)
 
+    def _times(self) -> tuple[float, float]:
+        start = self._bag.start
+        return (self._playing.position - start) / 1e9, (self._bag.end - start) / 1e9
+
     def _find_span(self) -> Span:
         first, last = self._bag.start, self._bag.end
         start, end = self.number('start'), self.number('end')
         if not any(self._bag.counts.values()):
-            raise StartError(f'{self._bag.path}: has no messages')
+            raise UserError(f'{self._bag.path} has no messages')
         if first + round(start * 1e9) > last:
-            raise StartError(f'start = {start!r} is beyond the end of {self._bag.path} at '
-                             f'{(last - first) / 1e9:.3f} s')
+            raise UserError(f'start = {start!r} is beyond the end of {self._bag.path} at '
+                            f'{(last - first) / 1e9:.3f} s')
         if end and end < start:
-            raise StartError(f'end = {end!r} is before start = {start!r}')
+            raise UserError(f'end = {end!r} is before start = {start!r}')
         return Span(first + round(start * 1e9), first + round(end * 1e9) if end else last,
                     self.number('speed'), bool(self.values['loop']))
 
     def _choose(self) -> list[str]:
         known = self._bag.topics
-        asked = str(self.values['topics']).split()
-        if not asked:
-            names = [name for name in known if name not in _NOT_UNASKED]
-        else:
-            names = ['/' + name.lstrip('/') for name in asked]
-            for name in names:
-                if name not in known:
-                    raise StartError(f'topics = {name} is not in {self._bag.path}; there are '
-                                     f'{", ".join(sorted(known))}')
+        names = ['/' + name.lstrip('/') for name in str(self.values['topics']).split()]
+        for name in names:
+            if name not in known:
+                raise UserError(f'topics = {name} is not in {self._bag.path}; it has '
+                                f'{", ".join(sorted(known))}')
+        names = names or [name for name in known if name not in _NOT_UNASKED]
         if self.values['clock']:
             names = [name for name in names if name != '/clock']
         if not any(self._bag.counts[name] for name in names):
-            raise StartError(f'{self._bag.path}: has no messages on the topics to be published; '
-                             f'there are {", ".join(sorted(known))}')
+            raise UserError(f'{self._bag.path} has no messages on the topics to be published; '
+                            f'it has the topics {", ".join(sorted(known))}')
         return names
 
     def _make_output(self, topic: Topic) -> Output:
@@ -119,33 +110,24 @@ class Replay(StreamingNode):
             package, _, name = topic.type_name.split('/')
             kind = getattr(importlib.import_module(f'{package}.msg'), name)
         except (AttributeError, ImportError, ValueError):
-            raise StartError(f'{topic.name} has the type {topic.type_name}, which is not '
-                             'installed here; leave it out with topics') from None
+            raise UserError(f'{topic.name} has the type {topic.type_name}, which is not '
+                            'installed here; leave it out by topics') from None
         return Output(self.create_publisher(kind, topic.name, qos), qos.depth)
-
-    def _tick(self, log_time: int) -> None:
-        if self._clock_output is not None:
-            self._clock_output.publish(Clock(clock=stamp_from_nanoseconds(log_time)))
 
     def _watch(self) -> None:
         self.is_finished = self._playing.is_over
 
 
 def _offered(profiles: Sequence[Mapping[str, Any]]) -> QoSProfile:
-    """Return what all recorded publishers offered; older bags have numbers for the words."""
+    """Return what all recorded publishers offered; older bags have numbers instead of words."""
     is_reliable = all(qos.get('reliability') not in ('best_effort', 2) for qos in profiles)
     is_latched = bool(profiles) and all(
         qos.get('durability') in ('transient_local', 1) for qos in profiles)
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=1 if is_latched else WINDOW,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
-    )
+    return profile(1 if is_latched else WINDOW, is_reliable=is_reliable, is_latched=is_latched)
 
 
 def ros_arguments(arguments: Sequence[str]) -> list[str]:
-    """Return the ROS arguments, with the plain ones said as ROS parameters."""
+    """Return the ROS arguments, with the plain ones turned into ROS parameters."""
     plain, ros = split_arguments(arguments)
     texts = {table.name: table.description for table in REPLAY}
     parser = argparse.ArgumentParser(prog='replay', description='Publish a bag again.')
@@ -160,21 +142,11 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     given = vars(parser.parse_args(plain))
     if given['topics']:
         given['topics'] = ' '.join(given['topics'])
-    # JSON is the YAML that ROS reads, and keeps a bag called 2026 a text.
-    settings = [f'{name}:={json.dumps(value, ensure_ascii=False)}'
-                for name, value in given.items() if value is not None]
-    own = [part for setting in settings for part in ('-p', setting)]
+    own = overrides({name: value for name, value in given.items() if value is not None})
     return [*ros, '--ros-args', *own] if own else ros
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the replay; exit status 1 if the bag proves damaged on the way."""
-    made: list[Replay] = []
-
-    def make() -> Replay:
-        made.append(Replay())
-        return made[0]
-
+    """Run the replay; the exit status is 1 if the bag turns out to be damaged."""
     given = sys.argv[1:] if arguments is None else arguments
-    status = run_node('replay', make, ros_arguments(given))
-    return status or int(any(node.has_failed for node in made))
+    return run_node('replay', Replay, ros_arguments(given))

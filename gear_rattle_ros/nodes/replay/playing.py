@@ -12,13 +12,12 @@ from rclpy.publisher import Publisher
 from ..base.pacing import PATIENCE
 from ...bags import Bag
 
-# Messages a publisher keeps and sends before all of them must be acknowledged. Fast DDS asks for
-# acknowledgements when so small a history is full; with a larger one, small messages wait up to
-# 3 s for it.
+# Messages a publisher keeps and sends before all must be acknowledged. Fast DDS asks for
+# acknowledgements when a history this small is full; with a larger one they may take 3 s.
 WINDOW: Final = 64
-# Readers are waited for until nothing has changed for so long ...
+# Playing begins when the readers have not changed for this time, or after the others [s]:
 _SETTLED: Final = 1.0
-# ... at most for so long while there is none, and for so long in any case [s].
+# while there is no reader, and in any case.
 _NOBODY: Final = 5.0
 _LONGEST: Final = 10.0
 # The clock's step, of wall time, or at speed 0 of recorded time [s].
@@ -44,7 +43,7 @@ class Output:
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """What to play, in log time [ns], and how: `speed` 0 = as fast as the readers keep up."""
+    """What to play, in log time [ns], and how: speed 0 is as fast as the readers keep up."""
 
     start: int
     end: int
@@ -53,12 +52,11 @@ class Span:
 
 
 class Playing:
-    """Plays a bag in a thread of its own; a failure is a text for the user."""
+    """Plays a bag in a thread of its own; `failure` is one line for the user."""
 
     def __init__(self, bag: Bag, outputs: Mapping[str, Output], span: Span, readers: int,
                  tick: Callable[[int], None] | None) -> None:
-        self.messages = 0
-        self.rounds = 0
+        self.messages = self.rounds = 0
         self.position = span.start
         self.state = 'waiting for readers'
         self.failure = ''
@@ -86,13 +84,11 @@ class Playing:
                 self.state = 'playing'
                 self._play()
                 self._await_acknowledgements()
-                if self._stop.is_set():
-                    break
-                self.rounds += 1
+                self.rounds += not self._stop.is_set()
                 if not self._span.is_looped:
                     break
         except Exception as error:
-            # A bag may prove damaged only half-way through.
+            # Damage to a bag may show only half-way through.
             self.failure = str(error) or type(error).__name__
             self._await_acknowledgements()
         self.is_over = True
@@ -132,7 +128,7 @@ class Playing:
                 self._await_acknowledgement(output)
 
     def _sleep(self, begin: float, log_time: int) -> None:
-        """Wait until a message is due, with the clock running on."""
+        """Wait until a message is due, while the clock runs."""
         span = self._span
         due = begin + (log_time - span.start) / 1e9 / span.speed
         while not self._stop.is_set():
@@ -145,7 +141,7 @@ class Playing:
             self._stop.wait((due if self._tick is None else min(due, self._next_tick)) - now)
 
     def _step(self, log_time: int) -> None:
-        """Let the clock follow the messages, where they do not follow the clock."""
+        """Let the clock follow the messages where they do not follow the clock."""
         if self._tick is not None and log_time >= self._ticked + _CLOCK_STEP * 1e9:
             self._ticked = log_time
             self._tick(log_time)

@@ -1,4 +1,4 @@
-"""The whole suite in one command: starts the nodes, shows how they do, and ends them."""
+"""The whole suite in one command: starts the nodes, shows their state, and ends them."""
 
 import argparse
 from collections.abc import Sequence
@@ -17,29 +17,31 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
-from rclpy.utilities import try_shutdown
 from rich.console import Console
 from rich.live import Live
 from sensor_msgs.msg import JointState
 
 from .display import render, Status
 from .processes import Processes
-from ..base.client import ClientError, PUT, RESET, SimulatorClient
-from ..base.node import begin, StartError, Stop
+from ..base.arguments import overrides
+from ..base.client import PUT, RESET, SimulatorClient
+from ..base.errors import UserError
+from ..base.process import exit_status, Stop
 from ..base.services import tolerant
+from ...parameters import SIMULATOR
 from ...qos import LATCHED, STREAM
-from ...scenes import find_scene, load_scenes, Performance, Step
+from ...scenes import find_scene, load_scenes, NAMES, Performance, START, Step
 
 READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
-# The paper's two stories: a chaotic attractor, and a chaotic transient after the crisis.
+# Two situations of the paper: a chaotic attractor, and a chaotic transient after the crisis.
 STORY = (0.57, 1.244)
-# Compiling for the first time takes this long on a slow machine [s].
+# Compiling for the first time may take this long on a slow machine [s].
 START_WITHIN = 180.0
 REFRESH = 0.25
 SUMMARY_WITHIN = 60.0
-# What the recorder has acknowledged must reach the disk; at full rate that may be much [s].
+# How long the recorder may take to write what it has acknowledged, much at full rate [s].
 WRITTEN_WITHIN = 30.0
-# Everything slow is loaded while the nodes run; a line says that the bag is closed.
+# Loads everything slow while the nodes run; a line on stdin means that the bag is closed.
 SUMMARISE = (
     'import sys; from gear_rattle_ros.cli.summary import main; '
     'from gear_rattle_ros.figures.summary import prepare; prepare(); '
@@ -48,7 +50,7 @@ PLAIN_EVERY = 5.0
 
 
 class Monitor(Node):
-    """Listens to what the nodes say and keeps the status up to date."""
+    """Listens to the nodes and keeps the status up to date."""
 
     def __init__(self, status: Status) -> None:
         super().__init__('suite', start_parameter_services=False)
@@ -96,15 +98,10 @@ class Monitor(Node):
                     self.status.alpha = parameter.value.double_value
 
 
-class SuiteError(Exception):
-    """The suite cannot go on, for a reason that its user can mend."""
-
-
 class Suite:
     """One run: its folder, its processes and its status."""
 
     def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
-        self._stop = Stop()
         self._options = options
         self._folder = _make_folder(options.output)
         (self._folder / 'log').mkdir()
@@ -114,62 +111,40 @@ class Suite:
         self._readers = (*READERS, 'basin') if options.basin else READERS
         self._status = Status(duration=options.duration, alpha=options.alpha)
 
-    def run(self) -> None:
-        """Run from the first process to the last; everything is ended in any case."""
-        self._stop.spinning = True
-        begin(secured('suite', self._ros_arguments))
+    def run(self, stop: Stop) -> int:
+        """Run from the first process to the last; all of them are ended in any case."""
         monitor = Monitor(self._status)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(monitor)
         try:
             self._start_nodes()
-            self._watch(monitor)
+            self._watch(monitor, stop)
         finally:
             self._end_nodes()
             self._executor.shutdown()
             monitor.destroy_node()
-            try_shutdown()
+        self._print_result()
+        return 0
 
-    def finish(self) -> None:
-        """Say what was recorded and what opens everything."""
-        words = self._processes.last_words('recorder')
-        print(words.split(']: ')[-1])
-        bag, picture = self._folder / 'bag', self._folder / 'summary.png'
-        for what, path, command in (
-            ('bag', bag, f'{_command("rerun")} {_quoted(bag / "bag_0.mcap")}'),
-            ('replay', bag, f'{_command("replay")} {_quoted(bag)}'),
-            ('viewer', self._folder / 'run.rrd',
-             f'{_command("rerun")} {_quoted(self._folder / "run.rrd")}'),
-            ('summary', picture, f'xdg-open {_quoted(picture)}'),
-        ):
-            if path.exists():
-                print(f'{what:8} {command}')
+    def _print_result(self) -> None:
+        """Print what was recorded, and the commands that open everything."""
+        print(self._processes.last_words('recorder').split(']: ')[-1])
+        for what, command, name in (
+                ('bag', _command('rerun'), 'bag/bag_0.mcap'),
+                ('replay', _command('replay'), 'bag'), ('viewer', _command('rerun'), 'run.rrd'),
+                ('summary', 'xdg-open', 'summary.png')):
+            if (self._folder / name).exists():
+                print(f'{what:8} {command} {_quoted(self._folder / name)}')
 
     def _start_nodes(self) -> None:
-        options, folder = self._options, self._folder
         own: dict[str, dict[str, object]] = {
-            'simulator': {
-                'alpha': options.alpha, 'beta': options.beta, 'gamma': options.gamma,
-                'restitution': options.restitution, 'noise': options.noise,
-                'rate': options.rate, 'seed': options.seed,
-                'alpha_target': options.alpha_target, 'alpha_rate': options.alpha_rate,
-                'initial_phase': options.phase,
-                'initial_displacement': options.displacement,
-                'initial_velocity': options.velocity,
-                'wait_for_readers': len(self._readers),
-            },
-            'recorder': {'output': str(folder / 'bag')},
-            'viewer': {'mode': options.viewer, 'save': str(folder / 'run.rrd')},
-            'lyapunov': {},
-            'transients': {},
-            'basin': {},
-        }
+            'simulator': {name: getattr(self._options, name) for name in NAMES} | {
+                'wait_for_readers': len(self._readers)},
+            'recorder': {'output': str(self._folder / 'bag')},
+            'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
         for name in ('simulator', *self._readers):
-            parameters = [
-                word for key, value in own[name].items()
-                for word in ('-p', f'{key}:={_yaml(value)}')]
             arguments = secured(name, self._ros_arguments) or ['--ros-args']
-            self._processes.start(name, [*arguments, *parameters])
+            self._processes.start(name, [*arguments, *overrides(own.get(name, {}))])
 
     def _prepare_summary(self) -> None:
         self._summary = subprocess.Popen(
@@ -179,50 +154,50 @@ class Suite:
 
     def _end_nodes(self) -> None:
         self._processes.stop(['simulator'], within=1.0)
-        # What is under way arrives; the analysis nodes say their last word to the recorder.
+        # The last batches arrive; then the analysis nodes publish their last reports.
         self._processes.stop(['lyapunov', 'transients', 'basin'], within=1.0)
         self._processes.stop(['recorder', 'viewer'], within=WRITTEN_WITHIN)
         if self._summary is not None:
             try:
                 self._summary.communicate(b'\n', timeout=SUMMARY_WITHIN)
             except subprocess.TimeoutExpired:
-                # A large bag takes its time: it can be summed up later.
+                # A large bag takes longer: it can be summarised later.
                 self._summary.kill()
                 self._summary.wait()
                 print(f'summary  {_command("summary")} {_quoted(self._folder / "bag")}')
 
-    def _watch(self, monitor: Monitor) -> None:
+    def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
         console = Console(stderr=False)
-        live = Live(
-            render(status), console=console, auto_refresh=False, transient=False,
-        ) if console.is_terminal else None
+        live = Live(render(status), console=console, auto_refresh=False, transient=False) \
+            if console.is_terminal else None
         with live or contextlib.nullcontext():
             began = time.monotonic()
             first = shown = 0.0
             performance = Performance(_steps(options))
-            while not self._stop.asked:
+            while not stop.asked:
                 self._executor.spin_once(timeout_sec=0.05)
                 now = time.monotonic()
-                self._check_nodes()
+                self._processes.check()
                 if not first:
                     status.phase = f'starting, {now - began:.0f} s'
                     if status.impacts:
                         first = now
-                        # The simulator was started with what the first step says.
+                        # The simulator was started with the parameters of the first step.
                         performance.due(now, status.alpha)
                         self._prepare_summary()
                         status.phase = 'running'
                         if live is None:
                             print(f'running after {first - began:.1f} s', flush=True)
                     elif now - began > START_WITHIN:
-                        raise SuiteError(f'no impact in {START_WITHIN:.0f} s; '
-                                         f'see {self._folder / "log"}')
+                        raise UserError(f'no impact in {START_WITHIN:.0f} s; '
+                                        f'see {self._folder / "log"}')
                 else:
                     status.seconds = now - first
                     step = performance.due(now, status.alpha)
                     if step is not None:
-                        self._begin(step, monitor)
+                        monitor.simulator.begin(step)
+                        monitor.simulator.finish(self._executor)
                     if performance.is_over(now, status.alpha) if options.plays_out else (
                             0.0 < options.duration <= status.seconds):
                         break
@@ -234,20 +209,6 @@ class Suite:
                 elif live is None and first and now - shown > PLAIN_EVERY:
                     shown = now
                     print(status.line(), flush=True)
-
-    def _check_nodes(self) -> None:
-        ended = self._processes.ended()
-        if ended is not None:
-            name, status = ended
-            raise SuiteError(
-                f'{name} has ended with status {status}: {self._processes.last_words(name)}')
-
-    def _begin(self, step: Step, monitor: Monitor) -> None:
-        if step.parameters:
-            monitor.simulator.put(step.parameters)
-        if step.reset:
-            monitor.simulator.reset()
-        monitor.simulator.finish(self._executor)
 
 
 def _steps(options: argparse.Namespace) -> Sequence[Step]:
@@ -272,7 +233,7 @@ def secured(name: str, ros_arguments: list[str]) -> list[str]:
 
 
 def _command(name: str) -> str:
-    """Return how an executable of this environment is called from here."""
+    """Return how to call an executable of this environment from here."""
     path = Path(sys.executable).parent / name
     return _quoted(path) if path.exists() else name
 
@@ -283,43 +244,33 @@ def _quoted(path: Path) -> str:
     return shlex.quote(str(path))
 
 
-def _yaml(value: object) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace('\\', '\\\\').replace('"', '\\"') + '"'
-    return str(value).lower() if isinstance(value, bool) else repr(value)
-
-
 def _make_folder(output: str | None) -> Path:
     now = datetime.datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
     folder = Path(output) if output else Path('runs') / now
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
-            raise SuiteError(f'{folder} is not empty; name a new folder with --output')
+            raise UserError(f'{folder} is not empty; name a new folder with --output')
     except OSError as error:
-        raise SuiteError(f'{folder} cannot be made: {error.strerror}') from error
+        raise UserError(f'{folder} cannot be made: {error.strerror}') from error
     return folder.resolve()
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='suite', description=__doc__)
     add = parser.add_argument
-    add('--alpha', type=float, help='amplitude of the drive [1]; without it the run tells the '
-        f'two stories of the paper, {STORY[0]} and, from half-way, {STORY[1]}')
+    add('--alpha', type=float, help='amplitude of the drive [1]; by default two situations of the '
+        f'paper, {STORY[0]} and, from half-way, {STORY[1]}')
     add('--scene', metavar='NAME', help='a situation of the paper, for as long as it takes; '
-        'list shows them; other options go before what it says')
+        'list shows them all; other options override its parameters')
     add('--then', type=float, metavar='ALPHA', help='alpha from half-way on [1]')
     add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
-    add('--rate', type=float, default=1000.0, help='drive periods per second; 0 = as fast as all '
-        'nodes keep up (%(default)s)')
-    add('--beta', type=float, default=0.1, help='damping [1] (%(default)s)')
-    add('--gamma', type=float, default=0.1, help='constant load [1] (%(default)s)')
-    add('--restitution', type=float, default=0.9, help='[1] (%(default)s)')
-    add('--noise', type=float, default=0.0, help='kick at impacts [1] (%(default)s)')
-    add('--seed', type=int, default=0, help='of the noise (%(default)s)')
-    add('--phase', type=float, default=0.0, help='initial drive phase [rad] (%(default)s)')
-    add('--displacement', type=float, default=0.0, help='initial [1] (%(default)s)')
-    add('--velocity', type=float, default=-1.0, help='initial [1] (%(default)s)')
+    for given in SIMULATOR:
+        if given.name in START and given.name != 'alpha_rate':
+            name = given.name.removeprefix('initial_')
+            add(f'--{name}', dest=given.name, metavar=name.upper(), type=type(START[given.name]),
+                default=START[given.name],
+                help=f'{given.descriptor().description} (%(default)s)')
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
     add('--basin', action=argparse.BooleanOptionalAction, default=True,
@@ -337,12 +288,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
             parser.exit(2, f'suite: {error}\n')
         if options.then is not None:
             parser.exit(2, 'suite: --then and --scene exclude each other; leave one out\n')
-        first = {name.removeprefix('initial_'): value
-                 for name, value in scene.steps[0].parameters.items()}
-        # What the command line says goes before the scene.
-        parser.set_defaults(duration=math.inf, **first)
+        # The command line overrides the scene.
+        parser.set_defaults(duration=math.inf, **scene.steps[0].parameters)
         options = parser.parse_args(arguments)
-        # A slow machine takes longer over its ramps.
+        # On a slow machine its ramps take longer.
         options.plays_out = math.isinf(options.duration)
         options.duration = scene.seconds if options.plays_out else options.duration
     if not options.duration >= 0.0:
@@ -357,19 +306,11 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the suite; the exit status is 0, or 2 where it cannot start or go on."""
+    """Run the suite and return its exit status."""
     words = sys.argv[1:] if arguments is None else arguments
     cut = words.index('--ros-args') if '--ros-args' in words else len(words)
     options = _parse(words[:cut])
-    # What is started here stays on this machine unless its user says otherwise.
+    # The nodes stay on this machine unless the user has set something else.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    try:
-        suite = Suite(options, words[cut:])
-        suite.run()
-        suite.finish()
-    except KeyboardInterrupt:
-        return 0
-    except (ClientError, SuiteError, StartError, ValueError) as error:
-        print(f'suite: {error}', file=sys.stderr)
-        return 2
-    return 0
+    return exit_status('suite', secured('suite', words[cut:]),
+                       lambda: Suite(options, words[cut:]), Suite.run)

@@ -8,8 +8,10 @@ import subprocess
 import sys
 import time
 
+from ..base.errors import UserError
+
 PR_SET_PDEATHSIG = 1
-# A node that has not ended is interrupted again after so long; it is looked after so often [s].
+# A node that has not ended is interrupted again after this time; interval of looking [s].
 AGAIN = 2.0
 POLL = 0.01
 
@@ -43,24 +45,24 @@ class Processes:
         """Return the path of a node's log file."""
         return self._logs / f'{name}.log'
 
-    def ended(self) -> tuple[str, int] | None:
-        """Return the name and exit status of a node that has ended, if any."""
+    def check(self) -> None:
+        """Raise UserError where a node has ended."""
         for name, process in self._running.items():
             if process.poll() is not None:
-                return name, process.returncode
-        return None
+                raise UserError(f'{name} has ended with status {process.returncode}: '
+                                f'{self.last_words(name)}')
 
     def last_words(self, name: str) -> str:
-        """Return the last line a node has written."""
+        """Return the last line that a node has written."""
         lines = self.log(name).read_text(errors='replace').split('\n')
         return next((line for line in reversed(lines) if line.strip()), '')
 
     def stop(self, names: list[str], within: float) -> None:
-        """Interrupt some nodes together and wait for them; kill what is left after so long [s]."""
+        """Interrupt some nodes together and wait for them [s]; then kill those that still run."""
         deadline = time.monotonic() + within
         stopping = [self._running.pop(name) for name in names if name in self._running]
         while stopping and time.monotonic() < deadline:
-            # A node that is being imported may swallow a signal; one that is closing ignores it.
+            # A node may lose a signal while it is imported; one that is closing ignores it.
             for process in stopping:
                 process.send_signal(signal.SIGINT)
             again = min(time.monotonic() + AGAIN, deadline)

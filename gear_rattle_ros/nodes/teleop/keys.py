@@ -1,8 +1,8 @@
-"""Keys of the keyboard control: bytes of a terminal to names, and a line that is typed in."""
+"""Keys of the keyboard control: from bytes of a terminal to names, and a line being typed."""
 
 from collections.abc import Iterator
 
-# What terminals send for arrows, plain and with shift: xterm, its application mode, rxvt.
+# Bytes that terminals send for arrows, plain and with shift: xterm, its application mode, rxvt.
 _ARROWS = {b'A': 'up', b'B': 'down', b'C': 'right', b'D': 'left'}
 _SEQUENCES = {
     **{b'\x1b[' + letter: name for letter, name in _ARROWS.items()},
@@ -14,13 +14,13 @@ _SEQUENCES = {
 
 
 class Keys:
-    """Turns what comes from a terminal into names of keys; a sequence may come in pieces."""
+    """Turns bytes of a terminal into names of keys; a sequence may come in pieces."""
 
     def __init__(self) -> None:
         self._held = b''
 
     def take(self, data: bytes) -> Iterator[str]:
-        """Yield the keys in some bytes; printable ASCII is its own name, the rest is ignored."""
+        """Yield the keys in some bytes; printable ASCII names itself, the rest is ignored."""
         data = self._held + data
         self._held = b''
         while data:
@@ -35,7 +35,7 @@ class Keys:
                 yield word.decode()
 
     def rest(self) -> Iterator[str]:
-        """Yield `escape` if that is what came last: nothing followed it."""
+        """Yield `escape` if that byte came last and nothing followed."""
         if self._held == b'\x1b':
             yield 'escape'
         self._held = b''
@@ -47,7 +47,7 @@ class Keys:
 
 
 def _length(data: bytes) -> int:
-    """Return how many bytes the first key has; 0 where more have to come."""
+    """Return the number of bytes of the first key; 0 where more have to come."""
     if data[:1] != b'\x1b':
         return 1
     if len(data) == 1:
@@ -63,7 +63,7 @@ def _length(data: bytes) -> int:
 
 
 class Entry:
-    """A line of numbers being typed in."""
+    """A line of numbers that is being typed."""
 
     def __init__(self, question: str) -> None:
         self.question = question

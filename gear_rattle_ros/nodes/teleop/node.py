@@ -5,70 +5,65 @@ import signal
 import sys
 import threading
 import time
+from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.utilities import try_shutdown
+from rclpy.executors import SingleThreadedExecutor
 
 from .keys import Entry, Keys
 from .terminal import Terminal
-from ..base.arguments import explained
 from ..base.client import ClientError, RefusalError, SimulatorClient
-from ..base.node import GivenNode, initialise, StartError, Stop
-from ..base.services import harden
-from ...parameters import declare, TELEOP
+from ..base.node import BaseNode
+from ..base.process import exit_status, Stop
 from ...scenes import load_scenes, Performance
 
-# Keys are awaited so long, while an answer is under way and otherwise [s].
+# How long to wait for a key, while an answer is awaited and otherwise [s].
 SOON, LATER = 0.02, 0.1
 MORE = ('up', 'right', 'shift-up', 'shift-right')
 LESS = ('down', 'left', 'shift-down', 'shift-left')
 SHOWN = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitution', 'noise', 'rate')
-# How often the parameters are looked at, apart from every change [s].
+# Interval at which the parameters are read, besides every change [s].
 LOOK_EVERY = 0.25
 
 
-class Teleop:
-    """Makes requests of keys, plays scenes, and says how things are in one line."""
+class Teleop(BaseNode):
+    """Turns keys into requests, plays scenes, and shows the present state in one line."""
 
-    def __init__(self, node: Node) -> None:
-        values = declare(node, TELEOP)
-        self.simulator = SimulatorClient(node, str(values['simulator']))
-        # The parameters of the simulator, none while it is not there, and what is said of it.
+    def __init__(self, **options: Any) -> None:
+        super().__init__('teleop', **options)
+        self.simulator = SimulatorClient(self, str(self.values['simulator']))
+        # The parameters of the simulator, none while it is absent, and a remark on it.
         self._values: dict[str, float] = {}
         self._words = ''
         self._paused = False
         self._looked = -math.inf
-        self.is_over = False
+        self.is_over = self._is_due = False
         self._scenes = list(load_scenes().values())[:9]
-        self._coarse, self._fine = float(values['coarse']), float(values['fine'])
-        self._ramp_rate = float(values['ramp_rate'])
+        self._coarse, self._fine = self.number('coarse'), self.number('fine')
         self._entry: Entry | None = None
         self._scene = ''
         self._performance: Performance | None = None
-        # Time of the scene, which stands still in a pause [s].
+        # Time of the scene, which stops during a pause [s].
         self._played = 0.0
         self._before = time.monotonic()
-        # Where the arrows lead while settings of alpha are under way, and whether one is due [1].
+        # The alpha that the arrows ask for while requests are open [1]; whether one is due.
         self._aim: float | None = None
-        self._is_due = False
 
     def help_text(self) -> str:
-        """Return what the keys do."""
+        """Return what each key does."""
         scenes = '\n'.join(
             f'  {number}        scene {scene.name}: {scene.title}'
             for number, scene in enumerate(self._scenes, 1))
         return (
             f'The keyboard steers {self.simulator.name}:\n'
-            f'  arrows   alpha: up and right add {self._coarse:g}, down and left take it away; '
+            f'  arrows   alpha: up and right add {self._coarse:g}, down and left subtract it; '
             f'with shift {self._fine:g}\n'
-            '  space    pause, and go on\n'
-            '  r        reset to the initial state\n'
-            '  a        ramp of alpha: type where to, and if you like the step per drive period\n'
+            '  space    pause and continue\n'
+            '  r        reset to the initial condition\n'
+            '  a        ramp of alpha: type the target and, if you like, the step per drive '
+            'period\n'
             f'{scenes}\n'
-            '  h        these lines\n'
-            '  q        end; what runs goes on')
+            '  h        show these lines\n'
+            '  q        quit; the simulator keeps running')
 
     def line(self) -> str:
         """Return the present state."""
@@ -77,7 +72,7 @@ class Teleop:
         values = self._values
         if not values:
             why = self._words or f'no simulator at {self.simulator.name}'
-            return f'{why}; waiting (q ends; name another with -p simulator:=NAME)'
+            return f'{why}; waiting (q quits; name another with -p simulator:=NAME)'
         alpha = f'alpha {values["alpha"]:.10g}'
         if values['alpha_rate'] > 0.0:
             alpha += f' -> {values["alpha_target"]:g} by {values["alpha_rate"]:g}'
@@ -92,7 +87,7 @@ class Teleop:
         return ' | '.join(parts)
 
     def take(self, key: str) -> str:
-        """Do what a key asks for; return lines that are to stay on the screen."""
+        """Do what a key asks for; return lines that stay on the screen."""
         if self._entry is not None:
             text = self._entry.take(key)
             if text is not None:
@@ -108,7 +103,7 @@ class Teleop:
         return ''
 
     def tick(self) -> None:
-        """Take answers, and go on with a scene."""
+        """Take answers, and continue a scene."""
         now = time.monotonic()
         is_there = self.simulator.count > 0
         if self._values and not is_there:
@@ -147,28 +142,25 @@ class Teleop:
         self._performance = self._entry = None
         self._is_due = False
 
-    def _say(self, words: str) -> None:
+    def _note(self, words: str) -> None:
         self._words = words.split(';')[0]
 
     def _pause(self, paused: bool) -> None:
-        def then(_: str) -> None:
-            self._paused = paused
-
-        self.simulator.pause(paused, then)
+        self.simulator.pause(paused, lambda _: setattr(self, '_paused', paused))
 
     def _steer(self, key: str) -> None:
         if key in MORE + LESS:
             step = self._fine if key.startswith('shift') else self._coarse
             before = self._values['alpha'] if self._aim is None else self._aim
-            # Steps of a hundredth lead to hundredths.
+            # Steps of 0.01 must lead to multiples of 0.01.
             self._aim = max(round(before + (step if key in MORE else -step), 12), 0.0)
             self._performance, self._is_due = None, True
         elif key == 'space':
             self._pause(not self._paused)
         elif key == 'r':
-            self.simulator.reset(self._say)
+            self.simulator.reset(self._note)
         elif key == 'a':
-            self._entry = Entry('ramp alpha to (Escape: not at all): ')
+            self._entry = Entry('ramp alpha to (Escape cancels): ')
         elif key.isdigit() and 1 <= int(key) <= len(self._scenes):
             scene = self._scenes[int(key) - 1]
             self._scene, self._performance = scene.name, Performance(scene.steps)
@@ -181,9 +173,9 @@ class Teleop:
             return
         try:
             target, *rates = map(float, text.split())
-            rate, = rates or [self._ramp_rate]
+            rate, = rates or [self.number('ramp_rate')]
         except ValueError:
-            self._words = f'{text!r} is no number, nor two'
+            self._words = f'{text!r} is neither one number nor two'
             return
         self._performance, self._is_due, self._words = None, False, 'ramp'
         self.simulator.put({'alpha_target': target, 'alpha_rate': rate})
@@ -193,54 +185,41 @@ class Teleop:
         assert performance is not None
         step = performance.due(self._played, alpha)
         if step is not None:
-            if step.parameters:
-                self.simulator.put(step.parameters)
-                self._aim = step.parameters.get('alpha')
-            if step.reset:
-                self.simulator.reset(self._say)
+            self.simulator.begin(step, self._note)
+            self._aim = step.parameters.get('alpha', self._aim)
         elif performance.is_over(self._played, alpha):
             self._performance = None
-            self._words = f'scene {self._scene} is over; the simulator goes on'
+            self._words = f'scene {self._scene} is over; the simulator keeps running'
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the keyboard control; the exit status is 0, or 2 where it cannot start."""
+    """Run the keyboard control and return its exit status."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        print('teleop: stdin and stdout are no terminal; start it in one, not in a pipe or a '
+        print('teleop: stdin and stdout are not a terminal; start it in one, not in a pipe or a '
               'launch file', file=sys.stderr)
         return 2
-    stop = Stop()
-    try:
+    return exit_status('teleop', arguments, Teleop, _run)
+
+
+def _run(teleop: Teleop, stop: Stop) -> int:
+    # Other signals, too, end the loop and so restore the terminal.
+    for number in (signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.getsignal(signal.SIGTERM))
+    with Terminal() as terminal:
+        executor = SingleThreadedExecutor()
+        executor.add_node(teleop)
+        # DDS keeps ten answers, those to other clients included: they are taken at once.
+        spinning = threading.Thread(target=executor.spin, daemon=True)
+        spinning.start()
         try:
-            initialise('teleop', arguments)
-            node = GivenNode('teleop')
-            teleop = Teleop(node)
-            harden(node)
-        except (StartError, ValueError, RCLError) as error:
-            print(f'teleop: {explained(error)}', file=sys.stderr)
-            return 2
-        # From here on signals end the loop, and so restore the terminal.
-        stop.spinning = True
-        for number in (signal.SIGHUP, signal.SIGQUIT):
-            signal.signal(number, signal.getsignal(signal.SIGTERM))
-        with Terminal() as terminal:
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
-            # DDS keeps ten answers, those to other clients among them: they are taken at once.
-            threading.Thread(target=executor.spin, daemon=True).start()
-            try:
-                _run(teleop, terminal, stop)
-            finally:
-                executor.shutdown()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        stop.spinning = True
-        try_shutdown()
+            _control(teleop, terminal, stop)
+        finally:
+            executor.shutdown()
+            spinning.join(1.0)
     return 0
 
 
-def _run(teleop: Teleop, terminal: Terminal, stop: Stop) -> None:
+def _control(teleop: Teleop, terminal: Terminal, stop: Stop) -> None:
     keys, shown = Keys(), ''
     terminal.write_lines(teleop.help_text())
     while not (stop.asked or teleop.is_over):

@@ -1,4 +1,4 @@
-"""A terminal that gives every key at once, and is left as it was found, whatever happens."""
+"""A terminal that delivers every key at once, and is always restored to what it was."""
 
 import contextlib
 import os
@@ -14,10 +14,10 @@ from typing import Any
 
 class Terminal:
     """
-    Context in which stdin gives keys without Enter and without echo.
+    Context in which stdin delivers keys without Enter and without echo.
 
-    Ctrl-Z stops the program with the terminal as it was, and `fg` takes it up again. Whoever
-    uses it sees to SIGINT and SIGTERM; leaving the context restores everything.
+    Ctrl-Z stops the program with the terminal as it was, and `fg` continues it. The caller
+    handles SIGINT and SIGTERM; leaving the context restores everything.
     """
 
     def __init__(self) -> None:
@@ -38,13 +38,13 @@ class Terminal:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
         """Leave the terminal as it was."""
-        # Continued from here on, it must not set the terminal again.
+        # If it is continued from here on, it must not set the terminal again.
         signal.signal(signal.SIGCONT, self._handlers[signal.SIGCONT])
         self._restore()
         signal.signal(signal.SIGTSTP, self._handlers[signal.SIGTSTP])
 
     def read(self, within: float) -> bytes | None:
-        """Return what was typed within some time [s], b'' for nothing; None at the end of it."""
+        """Return what was typed within some time [s], b'' for nothing; None at the end."""
         ready, _, _ = select.select([self._input], [], [], within)
         if not ready:
             return b''
@@ -66,13 +66,13 @@ class Terminal:
         self._line = False
 
     def _write(self, text: str) -> None:
-        # A terminal that is gone is noticed where it is read.
+        # A terminal that is gone is noticed when it is read.
         with contextlib.suppress(OSError):
             sys.stdout.write(text)
             sys.stdout.flush()
 
     def _set(self) -> None:
-        # Signals of the keyboard stay as they are: Ctrl-C, Ctrl-Z.
+        # Ctrl-C and Ctrl-Z still send their signals.
         tty.setcbreak(self._input, termios.TCSANOW)
 
     def _restore(self) -> None:
@@ -85,14 +85,14 @@ class Terminal:
     def _suspend(self, number: int, frame: FrameType | None) -> None:
         self._restore()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
-        # The process stands still in this call until it is continued; where no shell could
-        # continue it, the system does not stop it at all, and there is no SIGCONT.
+        # The process stops in this call until it is continued; where no shell could continue it,
+        # the system does not stop it at all, and there is no SIGCONT.
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, self._suspend)
         self._continue(number, frame)
 
     def _continue(self, number: int, frame: FrameType | None) -> None:
-        # In the background the terminal is not ours: the system stops this call until it is.
+        # In the background the terminal belongs to others: the system stops this call until then.
         with contextlib.suppress(termios.error):
             self._set()
         self.was_continued = True

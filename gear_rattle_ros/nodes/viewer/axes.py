@@ -15,17 +15,17 @@ TWO_PI = 2.0 * math.pi
 # Half the height of the section; its width is 2 pi. Velocities are scaled to it.
 HALF_HEIGHT: Final = 2.2
 FLIGHT_PERIODS: Final = 4
-# A drive period is drawn so wide, in units of the backlash.
+# Width of a drive period, in units of the backlash.
 PERIOD_WIDTH: Final = 1.3
-# Impacts, or drive periods, that the view of the velocity goes back.
+# Impacts, or drive periods, in the view of the velocity.
 VELOCITY_WINDOW: Final = 2000
-# Pictures with axes of our own keep one dark ground in both themes, so colours stay what they are.
+# Pictures with their own axes have a dark ground in both themes, so that colours stay the same.
 GROUND: Final = (18, 20, 26)
 FRAME: Final = 0x8A8F98FF
 FAINT: Final = 0x4A4F58FF
 LABEL: Final = 0xE4E7ECFF
 BRIGHT: Final = 0xFFFFFFFF
-# Basins are so faint that impacts stand out from them.
+# Basins are faint so that impacts stand out.
 BASIN_OPACITY: Final = 0.35
 # Plasma without its darkest part, evenly spaced.
 _PLASMA: Final = np.array([
@@ -50,7 +50,7 @@ def greys_of(values: FloatArray) -> npt.NDArray[np.uint32]:
 
 
 def velocity_ticks(limit: float) -> tuple[list[str], list[tuple[float, float]]]:
-    """Return labels at the left of the section and where they stand."""
+    """Return labels at the left of the section, and their positions."""
     shares = (1.0, 0.5, 0.0, -0.5, -1.0)
     # A label stands below its point.
     return ([f'{share * limit:g}'.replace('-', '−') for share in shares],
@@ -90,7 +90,7 @@ def flight_axes() -> list[Logged]:
     edge = first * PERIOD_WIDTH - 0.35
     ticks = [(x * PERIOD_WIDTH, 1.02) for x in range(first, last + 1)]
     return [
-        # Displacement goes up, while y points down.
+        # Displacement points up, y down.
         ('flight/plane', rr.Transform3D(scale=[PERIOD_WIDTH, -1.0, 1.0])),
         ('flight/plane/walls', rr.LineStrips2D(
             walls, radii=rr.Radius.ui_points(1.2), colors=rgba(AMBER), draw_order=1.0)),
@@ -110,7 +110,7 @@ def flight_axes() -> list[Logged]:
 def blueprint(colour: str) -> rrb.Blueprint:
     """Return the arrangement of the views."""
     meaning = 'newest brightest' if colour == 'age' else 'coloured by alpha, 0.4 to 1.8'
-    back = VELOCITY_WINDOW
+    back, cursor = VELOCITY_WINDOW, rrb.TimeRangeBoundary.cursor_relative
     section = rrb.Spatial2DView(
         origin='/section', name=f'Section: velocity over drive phase, {meaning}',
         background=rrb.Background(color=GROUND),
@@ -123,12 +123,9 @@ def blueprint(colour: str) -> rrb.Blueprint:
         origin='/velocity', name='Velocity before the impact', plot_legend=rrb.PlotLegend(
             visible=False),
         time_ranges=[
+            rrb.VisibleTimeRange('impact', start=cursor(seq=-back), end=cursor(seq=0)),
             rrb.VisibleTimeRange(
-                'impact', start=rrb.TimeRangeBoundary.cursor_relative(seq=-back),
-                end=rrb.TimeRangeBoundary.cursor_relative(seq=0)),
-            rrb.VisibleTimeRange(
-                'drive_time', start=rrb.TimeRangeBoundary.cursor_relative(seconds=-back),
-                end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0))])
+                'drive_time', start=cursor(seconds=-back), end=cursor(seconds=0.0))])
     whole = rrb.TimeAxis(view_range=rr.TimeRange(
         start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
     exponents = rrb.TimeSeriesView(

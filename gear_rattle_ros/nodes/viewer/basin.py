@@ -1,18 +1,17 @@
-"""Pictures of the basins as they come in: three messages that belong together."""
+"""Pictures of the basins as they arrive: three messages that belong together."""
 
 import dataclasses
+import io
 import math
-import struct
-from typing import Final
-import zlib
+from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import numpy.typing as npt
+import PIL.Image
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from ...messages import nanoseconds_from_stamp
-
+PARTS: Final = {'basin': Image, 'attractors': PointCloud2, 'basin_state': DiagnosticArray}
 # A quick compression: few colours make it small anyway.
 LEVEL: Final = 2
 
@@ -33,38 +32,23 @@ class BasinPicture:
 
 
 class BasinInput:
-    """Puts image, attractors and state together, whichever comes first."""
+    """Puts image, attractors and state together, in whatever order they arrive."""
 
     def __init__(self) -> None:
-        self._image: Image | None = None
-        self._attractors: PointCloud2 | None = None
-        self._state: DiagnosticArray | None = None
+        self._parts: dict[str, Any] = {}
 
-    def take_image(self, message: Image) -> BasinPicture | None:
-        """Take the image; return the picture if it is complete."""
-        self._image = message
-        return self._complete()
-
-    def take_attractors(self, message: PointCloud2) -> BasinPicture | None:
-        """Take the attractors; return the picture if it is complete."""
-        self._attractors = message
-        return self._complete()
-
-    def take_state(self, message: DiagnosticArray) -> BasinPicture | None:
-        """Take the state; return the picture if it is complete."""
-        self._state = message
-        return self._complete()
-
-    def _complete(self) -> BasinPicture | None:
-        image, cloud, state = self._image, self._attractors, self._state
+    def take(self, name: str, message: Any) -> BasinPicture | None:
+        """Take one of PARTS; return the picture if it completes one."""
+        self._parts[name] = message
+        image, cloud, state = map(self._parts.get, PARTS)
         if image is None or cloud is None or state is None or not state.status:
             return None
         values = {item.key: item.value for item in state.status[0].values}
-        stamps = {nanoseconds_from_stamp(one.header.stamp) for one in (image, cloud, state)}
-        if len(stamps) > 1 or values.get('size') != str(image.width):
+        if not (image.header.stamp == cloud.header.stamp == state.header.stamp
+                and values.get('size') == str(image.width)):
             return None
-        # Each message is in one picture only.
-        self._image = self._attractors = self._state = None
+        # Each message belongs to one picture only.
+        self._parts = {}
         points, colours = points_of(cloud)
         low, high = float(values['velocity_low']), float(values['velocity_high'])
         if image.encoding != 'rgb8' or not -math.inf < low < high < math.inf:
@@ -82,7 +66,7 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
     offsets = {field.name: field.offset for field in cloud.fields
                if field.datatype == PointField.FLOAT32 and field.count == 1}
     if cloud.is_bigendian or not all(name in offsets for name in names):
-        raise ValueError('attractors are no cloud of little-endian float32 x, y and rgb')
+        raise ValueError('attractors are not a cloud of little-endian float32 x, y and rgb')
     records = np.frombuffer(bytes(cloud.data), np.dtype({
         'names': names, 'formats': ['<f4', '<f4', '<u4'],
         'offsets': [offsets[name] for name in names], 'itemsize': cloud.point_step}))
@@ -92,16 +76,6 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
 
 def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
     """Return pixels of shape (height, width, 3) as a PNG file."""
-    height, width, _ = pixels.shape
-    # Every row begins with the number of its filter: none.
-    rows = np.zeros((height, 3 * width + 1), np.uint8)
-    rows[:, 1:] = pixels.reshape(height, 3 * width)
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack('>I', len(data)) + kind + data + struct.pack(
-            '>I', zlib.crc32(kind + data))
-
-    # Eight bits of red, green and blue.
-    header = struct.pack('>IIBBBBB', width, height, 8, 2, 0, 0, 0)
-    return (b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header)
-            + chunk(b'IDAT', zlib.compress(rows.tobytes(), LEVEL)) + chunk(b'IEND', b''))
+    file = io.BytesIO()
+    PIL.Image.fromarray(pixels).save(file, 'PNG', compress_level=LEVEL)
+    return file.getvalue()

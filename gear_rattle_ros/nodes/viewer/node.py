@@ -4,41 +4,45 @@ from collections.abc import Callable, Mapping
 import functools
 import math
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from sensor_msgs.msg import Image, JointState, PointCloud2
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
 
-from .basin import BasinInput, BasinPicture
+from .basin import BasinInput, BasinPicture, PARTS
 from .recent import Recent
 from .scene import DRAWN_MOST, INTERVAL, Scene
 from .sinks import add_index, chosen_mode, file_recording, Window
-from ..base.dds_room import ReadingNode
-from ..base.node import EventInput, HoleLog, run_node, StartError
+from ..base.dds_room import bound_backlog
+from ..base.errors import UserError
+from ..base.event_input import EventInput
+from ..base.node import ReportingNode
+from ..base.process import run_node
 from ..base.services import tolerant
 from ...core.model import EVENT, EventArray
 from ...core.stream.reconstruction import rebuild
 from ...core.stream.report_values import infinite_in_words
 from ...core.words import counted
-from ...parameters import VIEWER
 from ...qos import LATCHED, STREAM
 
 COLOURS = ('age', 'alpha')
-# What an estimate of the exponents must have to be shown.
+# The values an estimate of the exponents must have to be shown.
 SHOWN = ('lambda_1', 'lambda_1_error', 'lambda_2', 'lambda_2_error', 'sum', 'exact_sum', 'impacts',
          'index')
 
 
-class Viewer(ReadingNode):
+class Viewer(ReportingNode):
     """Collects what comes in and draws the newest of it a few times a second."""
 
-    def __init__(self) -> None:
-        super().__init__('viewer', VIEWER)
+    def __init__(self, **options: Any) -> None:
+        super().__init__('viewer', bound_backlog, **options)
         colour, save = str(self.values['colour']), str(self.values['save'])
         if colour not in COLOURS:
-            raise StartError(f'colour = {colour!r} is not one of {", ".join(COLOURS)}')
+            raise UserError(f'colour = {colour!r} is not one of {", ".join(COLOURS)}')
         mode = chosen_mode(str(self.values['mode']), save)
-        # Kernels are compiled before anything comes in.
+        # Compile the kernels before the first batch.
         rebuild(np.zeros(2, EVENT), 0.1)
         self._scenes: list[Scene] = []
         self._file: Scene | None = None
@@ -47,54 +51,42 @@ class Viewer(ReadingNode):
         if save:
             self._file = Scene(file_recording(save, colour), colour, thins=True)
             self._scenes.append(self._file)
-            self.get_logger().info(f'draws to {save}')
+            self.get_logger().info(f'drawing to {save}')
         if mode != 'none':
             self._window = Window(mode, int(self.number('web_port')), colour)
             self._scenes.append(Scene(self._window.recording, colour, thins=False))
-            self.get_logger().info(f'draws to {self._window.place}')
+            self.get_logger().info(f'drawing to {self._window.place}')
         self._recent = Recent(DRAWN_MOST + 200)
-        self._holes = HoleLog(self, self._recent.guard, 'the axes go on')
         self._estimate: Mapping[str, float] = {}
         self._transient: tuple[str, Mapping[str, str]] = ('', {})
         self._basin_input = BasinInput()
         self._basin: BasinPicture | None = None
-        self._waiting_since = math.inf
-        self._lag = 0.0
-        self._input = EventInput(self, self._take)
-        self.create_subscription(
-            JointState, 'lyapunov', tolerant(self, 'lyapunov', self._take_estimate), STREAM)
-        self.create_subscription(
-            DiagnosticArray, 'transient', tolerant(self, 'transient', self._take_transient),
-            LATCHED)
-        pictures = self._basin_input
-        for kind, name, take in (
-            (Image, 'basin', pictures.take_image),
-            (PointCloud2, 'attractors', pictures.take_attractors),
-            (DiagnosticArray, 'basin_state', pictures.take_state),
-        ):
-            self.create_subscription(
-                kind, name, tolerant(self, name, functools.partial(self._take_basin, take)),
-                LATCHED)
+        self._waiting_since, self._lag = math.inf, 0.0
+        self._input = EventInput(self, self._recent.guard, self._take, 'the axes continue')
+        topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (
+            (JointState, 'lyapunov', self._take_estimate, STREAM),
+            (DiagnosticArray, 'transient', self._take_transient, LATCHED),
+            *((kind, name, functools.partial(self._take_basin, name), LATCHED)
+              for name, kind in PARTS.items()))
+        for kind, name, take, qos in topics:
+            self.create_subscription(kind, name, tolerant(self, name, take), qos)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what was drawn, what was left out, and how far the drawing is behind."""
-        level, message = self._holes.status()
+        """Return what was drawn, what was left out, and the lag of the drawing."""
+        level, message, values = self._input.report()
         if self._lost:
             level, message = 'warn', self._lost
         drawn = max((scene.drawn for scene in self._scenes), default=0)
         lag, self._lag = self._lag, 0.0
         return level, message, {
-            **self._input.counts(), **self._holes.counts(),
-            'rows_logged': sum(scene.rows for scene in self._scenes),
-            'impacts_drawn': drawn,
-            'impacts_thinned_out': self._recent.impacts - drawn,
-            'largest_lag_seconds': lag,
-        }
+            **values, 'rows_logged': sum(scene.rows for scene in self._scenes),
+            'impacts_drawn': drawn, 'impacts_thinned_out': self._recent.impacts - drawn,
+            'largest_lag_seconds': lag}
 
     def close(self) -> None:
-        """Draw the last and write out everything."""
+        """Draw what is left and write everything out."""
         for scene in list(self._scenes):
             self._draw_scene(scene, self._document(), time.monotonic())
         is_whole = self._file in self._scenes
@@ -103,15 +95,14 @@ class Viewer(ReadingNode):
         if self._window is not None:
             self._window.close()
         save = str(self.values['save'])
-        # What could not be written to its end stays as it is.
+        # A file that could not be completed stays as it is.
         if is_whole and (reason := add_index(save)):
             self.get_logger().warning(
                 f'{save} has no index; `rerun rrd optimize` adds one: {reason}')
 
-    def _take(self, events: EventArray, stamp: int) -> None:
+    def _take(self, events: EventArray) -> None:
         self._waiting_since = min(self._waiting_since, time.monotonic())
         self._recent.take(events)
-        self._holes.speak()
 
     def _take_estimate(self, message: JointState) -> None:
         estimate = dict(zip(message.name, message.position, strict=True))
@@ -130,14 +121,14 @@ class Viewer(ReadingNode):
             return
         status = message.status[0]
         values = {item.key: item.value for item in status.values}
-        # What is no number is refused here, before it is kept.
+        # Refuse what is not a number before it is kept.
         float(values.get('multiplier', 0.0))
         self._transient = (status.message, values)
         for scene in self._scenes:
-            scene.say(status.message, 'INFO', self._recent.now)
+            scene.log(status.message, 'INFO', self._recent.now)
 
-    def _take_basin(self, take: Callable[..., BasinPicture | None], message: object) -> None:
-        picture = take(message)
+    def _take_basin(self, name: str, message: Any) -> None:
+        picture = self._basin_input.take(name, message)
         if picture is not None:
             self._basin = picture
             for scene in self._scenes:
@@ -159,7 +150,7 @@ class Viewer(ReadingNode):
         try:
             scene.draw(self._recent, document, now)
         except RuntimeError as error:
-            # Rerun's word for a lost connection and for a file that cannot be written.
+            # Rerun raises it for a lost connection and for a file that cannot be written.
             self._drop(scene, str(error))
 
     def _drop(self, scene: Scene, reason: str) -> None:
@@ -170,14 +161,14 @@ class Viewer(ReadingNode):
             reason = reason or str(error)
         if reason:
             self._lost = reason
-            self.get_logger().warning(f'nothing more is drawn there: {reason}')
+            self.get_logger().warning(f'stopped drawing: {reason}')
 
     def _document(self) -> str:
         if self._recent.now is None:
             return 'no impacts yet'
         event = self._recent.now.event
         text, values = self._transient
-        lines = [f'**{text or "no word of the transient yet"}**']
+        lines = [f'**{text or "nothing known of the transient yet"}**']
         if 'multiplier' in values:
             lines.append(f'{values.get("orbit", "orbit")}, '
                          f'multiplier {float(values["multiplier"]):.4f}')
@@ -198,6 +189,4 @@ class Viewer(ReadingNode):
         return '  \n'.join(lines)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the node; the exit status is 0, or 2 where it cannot start."""
-    return run_node('viewer', Viewer, arguments)
+main = functools.partial(run_node, 'viewer', Viewer)

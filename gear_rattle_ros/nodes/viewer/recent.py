@@ -1,4 +1,4 @@
-"""The newest part of the stream: what there is to draw."""
+"""The newest part of the stream, as it is drawn."""
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ RowArray = npt.NDArray[np.void]
 
 
 class Recent:
-    """Keeps the newest events; what is kept does not grow, however long the run."""
+    """Keeps the newest events, in memory that does not grow with the run."""
 
     def __init__(self, most: int) -> None:
         self.guard = StreamGuard()
@@ -29,7 +29,7 @@ class Recent:
         self.seen = 0
         self.now: Place | None = None
         self._most = most
-        # What has come in since the last look: rows of it, and whether it follows.
+        # The newest batches: events, place, events seen, whether they follow from those before.
         self._parts: list[tuple[EventArray, Place, int, bool]] = []
         self._waiting = 0
         self._rows = np.empty(0, ROW)
@@ -37,7 +37,7 @@ class Recent:
         self._whole = np.empty(0, EVENT)
 
     def take(self, events: EventArray) -> None:
-        """Take the next batch; it costs little, as the rest is done when it is looked at."""
+        """Take the next batch; most of the work is left until it is drawn."""
         for piece in self.guard.split(events):
             self._take_piece(piece)
 
@@ -47,17 +47,17 @@ class Recent:
         return self._whole
 
     def impacts_after(self, seen: int) -> RowArray:
-        """Return the impacts among the newest events that came after so many events."""
+        """Return the impacts among the newest events, after the first `seen` events."""
         self._look()
         rows = self._rows[self._rows['seen'] > seen]
         return rows[rows['kind'] <= EventKind.STICK]
 
     def changes_after(self, seen: int) -> RowArray:
-        """Return the retunes and resets, not more than are kept, after so many events."""
+        """Return the newest retunes and resets, after the first `seen` events."""
         return self._changes[self._changes['seen'] > seen]
 
     def impact_number(self, index: int) -> int:
-        """Return the number that goes on counting for an impact index near the newest one."""
+        """Return the number of an impact near the newest one, from its index modulo 2^32."""
         if self.now is None:
             return index
         ahead = (index - int(self.now.event['index']) + 2**31) % 2**32 - 2**31
@@ -79,7 +79,7 @@ class Recent:
         self._waiting += len(tail)
         while self._waiting - len(self._parts[0][0]) >= self._most:
             self._waiting -= len(self._parts.pop(0)[0])
-            # What is left no longer follows from what is kept.
+            # The first that is left no longer follows from what was kept before.
             self._parts[0] = (*self._parts[0][:3], False)
 
     def _look(self) -> None:
@@ -96,7 +96,7 @@ class Recent:
 
 
 def rows_of(events: EventArray, place: Place, seen: npt.NDArray[np.int64]) -> RowArray:
-    """Return the rows of events that lead up to a place."""
+    """Return the rows of events that end at a place."""
     rows = np.empty(len(events), ROW)
     rows['seen'] = seen
     rows['impact'] = impact_numbers(events, place)

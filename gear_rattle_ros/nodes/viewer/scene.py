@@ -9,16 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from .axes import (
-    BASIN_OPACITY,
-    colours_of,
-    flight_axes,
-    FLIGHT_PERIODS,
-    greys_of,
-    HALF_HEIGHT,
-    section_axes,
-    velocity_ticks,
-)
+from . import axes
 from .basin import BasinPicture
 from .recent import Recent, ROW, RowArray
 from ..base.scales import nice_limit
@@ -27,23 +18,22 @@ from ...core.stream.counters import Place
 from ...core.stream.reconstruction import rebuild
 from ...palette import BLUE, GREEN, ORANGE, PURPLE, rgba
 
-TWO_PI = 2.0 * math.pi
-# Impacts drawn at the most each time, the newest in a row: what lies before them is thinned out.
+# Most impacts drawn each time, the newest in a row; older ones are thinned out.
 DRAWN_MOST: Final = 800
-# Points that stand in the section; of those that leave it one in so many stays, so many in all;
-# and how many, the newest, stand out.
+# Points in the section; of older ones every OLD_STEP-th stays, at most OLD_POINTS of them; the
+# newest are bright.
 SECTION_POINTS: Final = 2000
 OLD_STEP: Final = 7
 OLD_POINTS: Final = 1000
 BRIGHT_POINTS: Final = 12
 CHANGES_MOST: Final = 100
 ESTIMATES_MOST: Final = 20
-# Drawn so often [s], and the age of a file from which on it is drawn to less and less often.
+# Interval between drawings [s], and the age at which those of a file begin to lengthen [s].
 INTERVAL: Final = 0.2
 FULL_DETAIL: Final = 120.0
-# The running exponent says nothing before so many impacts.
+# The running exponent means nothing before this number of impacts.
 IMPACTS_LEAST: Final = 30
-FLIGHT_STEP: Final = TWO_PI / 48.0
+FLIGHT_STEP: Final = axes.TWO_PI / 48.0
 # Order of the values in a row of exponents.
 EXPONENTS: Final = (
     ('λ1', 'lambda_1'),
@@ -59,7 +49,7 @@ EXPONENT_COLOURS: Final = [
     rgba(BLUE), rgba(BLUE, 0x80), rgba(BLUE, 0x80), rgba(GREEN, 0xB0), rgba(PURPLE), rgba(ORANGE),
     0x808080FF, 0x808080C0,
 ]
-# The sum is wider than the exact one, which lies on it.
+# The sum is wider than the exact one, which lies on top of it.
 EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 4.0, 1.0, 1.0]
 
 
@@ -77,13 +67,13 @@ class Scene:
         self._seen = 0
         self._ring = np.empty(0, ROW)
         self._old = np.empty(0, ROW)
-        # Of the velocities of the section; the impacts need so much, the basins so much.
+        # Limit of the velocities in the section, and the limit that the impacts need.
         self._limit = self._needed = 0.0
         self._basin: BasinPicture | None = None
         self._has_new_basin = False
         self._estimates: deque[Mapping[str, float]] = deque(maxlen=ESTIMATES_MOST)
         self._document = ''
-        for path, archetype in (*section_axes(), *flight_axes()):
+        for path, archetype in (*axes.section_axes(), *axes.flight_axes()):
             recording.log(path, archetype, static=True)
         recording.log('velocity', rr.SeriesPoints(
             colors=rgba(BLUE), names='velocity', markers='circle', marker_sizes=1.6), static=True)
@@ -127,10 +117,10 @@ class Scene:
             self._document = document
             self._send('state', recent.now, rr.TextDocument.columns(
                 text=[document], media_type=['text/markdown']))
-        # Begun, not waited for: what a killed viewer leaves in its file ends here.
+        # Started, not waited for: the file of a viewer that is killed ends here.
         self._recording.flush(timeout_sec=0.0)
 
-    def say(self, text: str, level: str, now: Place | None) -> None:
+    def log(self, text: str, level: str, now: Place | None) -> None:
         """Log a line of text."""
         self._send('log', now, rr.TextLog.columns(text=[text], level=[level]))
 
@@ -153,9 +143,9 @@ class Scene:
         self._needed = nice_limit(float(np.abs(ring['velocity']).max()), self._needed)
         self._scale(now)
         if self._by_alpha:
-            colours = colours_of((ring['alpha'] - 0.4) / 1.4)
+            colours = axes.colours_of((ring['alpha'] - 0.4) / 1.4)
         else:
-            colours = greys_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
+            colours = axes.greys_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
         self._send('section/plane/impacts', now, [
             *self._points(ring),
             *rr.Points2D.columns(colors=colours).partition([len(ring)])])
@@ -167,8 +157,8 @@ class Scene:
             return
         self._limit = limit
         self._send('section/plane', now, rr.Transform3D.columns(
-            scale=[[1.0, -HALF_HEIGHT / limit, 1.0]]))
-        labels, places = velocity_ticks(limit)
+            scale=[[1.0, -axes.HALF_HEIGHT / limit, 1.0]]))
+        labels, places = axes.velocity_ticks(limit)
         self._send('section/velocity', now, [
             *rr.Points2D.columns(positions=places).partition([len(places)]),
             *rr.Points2D.columns(labels=labels).partition([len(labels)])])
@@ -182,9 +172,10 @@ class Scene:
         # From pixels, the first at the top left, to phase and velocity.
         self._send('section/plane/basin', now, rr.Transform3D.columns(
             translation=[[0.0, picture.high, 0.0]],
-            scale=[[TWO_PI / picture.width, (picture.low - picture.high) / picture.height, 1.0]]))
+            scale=[[axes.TWO_PI / picture.width, (picture.low - picture.high) / picture.height,
+                    1.0]]))
         self._send('section/plane/basin/image', now, rr.EncodedImage.columns(
-            blob=[picture.png], media_type=['image/png'], opacity=[BASIN_OPACITY],
+            blob=[picture.png], media_type=['image/png'], opacity=[axes.BASIN_OPACITY],
             draw_order=[-10.0]))
         count = len(picture.points)
         self._send('section/plane/attractors', now, [
@@ -196,10 +187,10 @@ class Scene:
         return [*rr.Points2D.columns(positions=places).partition([len(places)])]
 
     def _draw_flight(self, recent: Recent) -> None:
-        motion = rebuild(recent.whole(), FLIGHT_STEP, FLIGHT_PERIODS)
+        motion = rebuild(recent.whole(), FLIGHT_STEP, axes.FLIGHT_PERIODS)
         if not len(motion.tau) or recent.now is None:
             return
-        x = motion.tau / TWO_PI
+        x = motion.tau / axes.TWO_PI
         line = np.stack([x, motion.displacement], axis=1).astype(np.float32)
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
@@ -214,7 +205,7 @@ class Scene:
         self._estimates.clear()
         if not taken or recent.now is None:
             return
-        # An estimate may be ahead of what has come in here; the axis must not be.
+        # An estimate may be ahead of the events received here; the axis must not be.
         impacts = np.array([min(recent.impact_number(int(values['index'])), recent.now.impact)
                             for values in taken])
         table = np.array([exponent_row(values) for values in taken])
@@ -237,9 +228,9 @@ class Scene:
 
 
 def exponent_row(values: Mapping[str, float]) -> list[float]:
-    """Return one row of EXPONENTS; what is not known, or infinite, leaves a gap in its line."""
+    """Return one row of EXPONENTS; what is unknown or infinite leaves a gap in its line."""
     if values.get('impacts', math.inf) < IMPACTS_LEAST:
-        # An epoch has just begun, as in a ramp: only the finite-time exponent crosses it.
+        # An epoch has just begun, as in a ramp; only the finite-time exponent crosses it.
         values = {'lambda_1': math.nan, 'lambda_1_finite': values.get('lambda_1_finite', math.nan)}
     error = values.get('lambda_1_error', math.nan)
     band = {1: values['lambda_1'] + error, 2: values['lambda_1'] - error, 7: 0.0}

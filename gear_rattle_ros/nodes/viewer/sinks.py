@@ -1,4 +1,4 @@
-"""Where the viewer's recordings go: a file, a window, a web page on this machine alone."""
+"""Where the viewer's recordings go: a file, a window, a web page on this machine only."""
 
 import contextlib
 import importlib.util
@@ -14,16 +14,16 @@ from urllib.parse import quote
 import rerun as rr
 
 from .axes import blueprint
-from ..base.node import StartError
+from ..base.errors import UserError
 
 APPLICATION: Final = 'gear_rattle_ros'
 LOOPBACK: Final = '127.0.0.1'
-# What a window or the web server may hold before it drops its oldest data.
+# Memory of a window or the web server; beyond it the oldest data are dropped.
 MEMORY_LIMIT: Final = '1GB'
 # How long a child may take to start listening, and to end [s].
 START_LIMIT: Final = 10.0
 END_LIMIT: Final = 2.0
-# A file is given its index at the end, if it is no larger and that takes no longer [bytes], [s].
+# A file is given its index at the end, unless it is larger or that takes longer [bytes], [s].
 INDEXED_MOST: Final = 1_000_000_000
 INDEXED_WITHIN: Final = 6.0
 MODES: Final = ('auto', 'native', 'web', 'none')
@@ -32,13 +32,13 @@ MODES: Final = ('auto', 'native', 'web', 'none')
 def chosen_mode(mode: str, save: str) -> str:
     """Return native, web or none; auto is native on a display, else web unless there is a file."""
     if mode not in MODES:
-        raise StartError(f'mode = {mode!r} is not one of {", ".join(MODES)}')
+        raise UserError(f'mode = {mode!r} is not one of {", ".join(MODES)}')
     if mode == 'auto':
         if os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'):
             return 'native'
         return 'none' if save else 'web'
     if mode == 'none' and not save:
-        raise StartError("mode = 'none' without a file draws nothing: give save:=FILE.rrd")
+        raise UserError("mode = 'none' without a file draws nothing: give save:=FILE.rrd")
     return mode
 
 
@@ -46,19 +46,19 @@ def file_recording(save: str, colour: str) -> rr.RecordingStream:
     """Return a recording that goes to a new file."""
     path = Path(save)
     if path.suffix != '.rrd':
-        raise StartError(f'save = {save!r} must end in .rrd')
+        raise UserError(f'save = {save!r} must end in .rrd')
     if path.exists():
-        raise StartError(f'save = {save!r} exists: name another file, or remove it')
+        raise UserError(f'save = {save!r} exists: name another file, or remove it')
     try:
         path.touch()
     except OSError as error:
-        raise StartError(f'save = {save!r} cannot be written: {error.strerror}') from error
-    # The index that a sink writes is held in memory until then, 2 kB for every piece drawn.
+        raise UserError(f'save = {save!r} cannot be written: {error.strerror}') from error
+    # A sink holds the index it writes in memory until the end, 2 kB for every piece drawn.
     return _recording(rr.FileSink(path, write_footer=False), colour)
 
 
 def add_index(save: str) -> str:
-    """Give a finished file its index, by which rerun finds its way; tell why it has none."""
+    """Give a finished file its index, by which rerun finds its way; return why it has none."""
     path = Path(save)
     whole = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
@@ -71,7 +71,7 @@ def add_index(save: str) -> str:
             check=True, timeout=INDEXED_WITHIN, start_new_session=True)
         whole.chmod(path.stat().st_mode)
         whole.replace(path)
-    except (OSError, subprocess.SubprocessError, StartError) as error:
+    except (OSError, subprocess.SubprocessError, UserError) as error:
         with contextlib.suppress(OSError):
             whole.unlink()
         return str(error)
@@ -92,7 +92,7 @@ class Window:
             self.place = 'a window'
         else:
             if _listens(web_port):
-                raise StartError(f'web_port = {web_port} is in use: choose another')
+                raise UserError(f'web_port = {web_port} is in use: choose another')
             command += ['--serve-web', '--web-viewer-port', str(web_port),
                         '--server-memory-limit', MEMORY_LIMIT]
             self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
@@ -125,7 +125,7 @@ class Window:
             if not self.is_open or time.monotonic() > limit:
                 self._child.kill()
                 status = self._child.wait()
-                raise StartError(
+                raise UserError(
                     f'the rerun viewer does not start (status {status}); try mode:=web, or '
                     'mode:=none save:=FILE.rrd')
             time.sleep(0.05)
@@ -138,7 +138,7 @@ def _recording(sink: rr.FileSink | rr.GrpcSink, colour: str) -> rr.RecordingStre
 
 
 def _bound(command: list[str], number: str) -> list[str]:
-    """Let a child end with this node even if that is killed."""
+    """Let a child end with this node, even if the node is killed."""
     setpriv = shutil.which('setpriv')
     return [setpriv, '--pdeathsig', number, *command] if setpriv else command
 
@@ -147,7 +147,7 @@ def _executable() -> str:
     # The wheel's own program: what PATH has may be of another version.
     found = importlib.util.find_spec('rerun_cli')
     if found is None or found.origin is None:
-        raise StartError('rerun-sdk has no viewer here; try mode:=none save:=FILE.rrd')
+        raise UserError('rerun-sdk has no viewer here; try mode:=none save:=FILE.rrd')
     return str(Path(found.origin).parent / 'rerun')
 
 

@@ -1,0 +1,104 @@
+"""The process of a node: its start, its signals, its exit status."""
+
+from collections.abc import Callable
+import gc
+import signal
+import sys
+from types import FrameType
+from typing import TypeVar
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger_level, get_logging_severity_from_string, set_logger_level
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from . import arguments as given
+from .errors import UserError
+from .node import ReportingNode
+
+# A signal is seen between two callbacks, or at the latest after this time [s].
+STOP_SEEN_WITHIN = 0.1
+Made = TypeVar('Made')
+
+
+class Stop:
+    """SIGINT and SIGTERM: they interrupt the start, and end the spinning between two callbacks."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.spinning = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._handle)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        if not self.spinning:
+            raise KeyboardInterrupt
+
+
+def begin(ros: list[str]) -> None:
+    """Begin ROS with its arguments; UserError or ValueError names one that it refuses."""
+    given.refuse_large_files(ros)
+    level, fatal = get_logger_level('rcl'), get_logging_severity_from_string('FATAL')
+    # What rcl would log of a bad argument comes as the exception, too.
+    set_logger_level('rcl', fatal)
+    try:
+        # rclpy's own handlers would invalidate the context under a callback that publishes.
+        rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise UserError(given.refused_argument(ros, error)) from error
+    finally:
+        if get_logger_level('rcl') == fatal:
+            set_logger_level('rcl', level)
+
+
+def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made],
+                run: Callable[[Made, Stop], int]) -> int:
+    """Run a program in the ROS graph: 2 after one line where its user has to mend something."""
+    stop = Stop()
+    try:
+        try:
+            plain, ros = given.split_arguments(sys.argv[1:] if arguments is None else arguments)
+            given.refuse_plain(name, plain)
+            begin(ros)
+            for line in given.misspelt_sections(name, ros):
+                print(f'{name}: {line}', file=sys.stderr, flush=True)
+            made = make()
+        except ValueError as error:
+            raise UserError(str(error)) from error
+        stop.spinning = True
+        try:
+            return run(made, stop)
+        finally:
+            if isinstance(made, Node):
+                made.destroy_node()
+    except UserError as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    finally:
+        # From here on a second Ctrl-C must not cut what is being written.
+        stop.spinning = True
+        # A node that was not completed holds shared memory, which would outlive the process.
+        gc.collect()
+        try_shutdown()
+
+
+def run_node(name: str, make: Callable[[], ReportingNode],
+             arguments: list[str] | None = None) -> int:
+    """Spin a node until it is finished or a signal comes, and return the exit status."""
+    return exit_status(name, arguments, make, _spin)
+
+
+def _spin(node: ReportingNode, stop: Stop) -> int:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while not (stop.asked or node.is_finished):
+            executor.spin_once(timeout_sec=STOP_SEEN_WITHIN)
+    finally:
+        node.close()
+    return node.exit_status
