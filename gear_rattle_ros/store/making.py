@@ -82,7 +82,7 @@ def _fill(path: Path, layout: Layout, command: str) -> None:
         **layout.attributes,
         IDENTITY: json.dumps(layout.identity, sort_keys=True),
         'command': command,
-        'created': datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
+        'created': datetime.datetime.now(datetime.UTC).isoformat(timespec='seconds'),
         'versions': json.dumps(versions()),
     }))
     sizes = {axis.name: len(axis.values) for axis in layout.axes}
