@@ -16,7 +16,7 @@ ELSE: Final = 'choose another --output'
 REMEDY: Final = 'go on with --resume, which makes it anew'
 
 
-class StoreError(Exception):
+class StoreError(ValueError):
     """A store that cannot be made, read or continued; the message is one line."""
 
 
@@ -42,7 +42,7 @@ def write_array(group: Any, variable: Variable, values: npt.NDArray[Any]) -> Non
         array[...] = values
 
 
-def read_array(array: Any, place: tuple[slice, ...]) -> npt.NDArray[Any]:
+def read_array(array: Any, place: tuple[Any, ...]) -> npt.NDArray[Any]:
     """Read a part of an array; words have a fixed length, as numpy knows them."""
     values = np.asarray(array[place])
     return values.astype(object).astype('U') if values.dtype.kind in 'TO' else values
@@ -69,6 +69,8 @@ def reading(path: Path, remedy: str) -> Iterator[None]:
     """Turn what zarr and its codecs raise for a broken file into a StoreError of one line."""
     try:
         yield
+    except StoreError:
+        raise
     except (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
             ValueError) as error:
         raise StoreError(f'{path} cannot be read: {shortened(error)}; {remedy}') from error

@@ -56,8 +56,8 @@ class Store:
         self._arrays: dict[str, Any] = {}
         with reading(path, ELSE):
             # While a store is made, the consolidated metadata is behind.
-            self._group = zarr.open_group(str(path), mode='r+', zarr_format=3,
-                                          use_consolidated=False)
+            self._group: Any = zarr.open_group(
+                str(path), mode='r+', zarr_format=3, use_consolidated=False)
             if IDENTITY not in self._group.attrs or DONE not in self._group:
                 raise StoreError(f'{path} is not a store of this package; {ELSE}')
             marks = self._array(DONE)
@@ -66,7 +66,7 @@ class Store:
             self._variables: list[str] = json.loads(marks.attrs['variables'])
         self.tiles: list[dict[str, slice]] = list(_tiles_of(self._cuts))
         try:
-            self._done = read_array(marks, (slice(None),))
+            self._done = read_array(marks, (...,))
         except ValueError:
             # Without marks nothing counts as done.
             self._done = np.zeros(marks.shape, marks.dtype)
@@ -116,14 +116,9 @@ class Store:
 
     def read_all(self, name: str) -> npt.NDArray[Any]:
         """Read a whole array: a variable, a coordinate or a table."""
-        return self.read_every(name, {})
-
-    def read_every(self, name: str, steps: Mapping[str, int]) -> npt.NDArray[Any]:
-        """Read an array with a step along some of its dimensions, a few tiles at a time."""
         array = self._array(name)
         with reading(self.path / name, REMEDY):
-            return read_array(array, tuple(slice(None, None, steps.get(one))
-                                           for one in array.metadata.dimension_names))
+            return read_array(array, (...,))
 
     def has_table(self, name: str) -> bool:
         """Whether an array that is not made tile by tile is there and can be read."""
@@ -162,24 +157,26 @@ class Store:
         Return what is in a store whose tiles are all done.
 
         Arrays are read when they are looked at; those of a temporary store are in memory.
-        StoreError where a tile is missing or something is damaged.
         """
         import xarray
         if self.pending():
             raise StoreError(f'{self.path}: {len(self.pending())} of '
                              f'{counted(len(self.tiles), "tile")} must still be done; go on with '
                              '--resume')
+        with reading(self.path, REMEDY):
+            dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
+            dataset = dataset.drop_vars(DONE)
+            return dataset.load() if self._remove else dataset
+
+    def require_whole(self) -> None:
+        """Raise StoreError for the first array that is damaged or not complete."""
         for tile, chunk in self.damaged().items():
             raise StoreError(f'{chunk}: tile {tile} is damaged or missing; {REMEDY}')
         with reading(self.path, ELSE):
             names = sorted(self._group.array_keys())
         for name in names:
-            if name not in self._variables and not self.has_table(name):
+            if name not in (*self._variables, DONE) and not self.has_table(name):
                 raise StoreError(f'{self.path / name} is damaged or missing; {REMEDY}')
-        with reading(self.path, ELSE):
-            dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
-            dataset = dataset.drop_vars(DONE)
-            return dataset.load() if self._remove else dataset
 
     def _array(self, name: str) -> Any:
         if name not in self._arrays:
@@ -220,7 +217,9 @@ def open_dataset(path: Path | str) -> 'xarray.Dataset':
         If there is no store, it is not complete, or something in it is damaged.
 
     """
-    return Store(path).dataset()
+    store = Store(path)
+    store.require_whole()
+    return store.dataset()
 
 
 def _tiles_of(cuts: Mapping[str, tuple[int, int]]) -> Iterator[dict[str, slice]]:

@@ -49,17 +49,6 @@ def test_a_chunk_of_zeros_is_written(tmp_path):
         open_dataset(tmp_path / 'a')
 
 
-@pytest.mark.parametrize('steps', [(1, 1), (2, 3), (4, 2), (9, 7)])
-def test_thinning_is_slicing(tmp_path, steps):
-    """Read tile by tile, every so many cells are those of the whole array."""
-    store = make_store(tmp_path / 'a', LAYOUT, 'command')
-    values = np.arange(35).reshape(7, 5)
-    for tile, region in enumerate(store.tiles):
-        store.write(tile, {'label': values[region['velocity'], region['phase']]})
-    every = store.read_every('label', {'velocity': steps[0], 'phase': steps[1]})
-    assert np.array_equal(every, values[::steps[0], ::steps[1]])
-
-
 def test_an_independent_reader_finds_everything(tmp_path):
     """Without this package, zarr alone reads arrays, dimensions and attributes."""
     store = make_store(tmp_path / 'a', LAYOUT, 'the command')
