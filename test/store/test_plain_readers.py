@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import xarray
 
-from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies import (
+from gear_rattle_ros.cli import (
     attractors,
     basins,
     continuation,
@@ -17,6 +16,7 @@ from gear_rattle_ros.studies import (
     orbit_diagram,
     section,
 )
+from gear_rattle_ros.store.store import open_dataset
 
 SMALL = {
     attractors: '--starts 20 --hold 1000',
