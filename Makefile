@@ -21,9 +21,9 @@ define CHECK
 import platform as p, sys
 version, system, machine = sys.version_info[:2], p.system(), p.machine()
 good = (system, machine, p.libc_ver()[0]) == ('Linux', 'x86_64', 'glibc')
-if not good or not (3, 10) <= version <= (3, 14):
+if not good or not (3, 11) <= version <= (3, 14):
     sys.exit(
-        'make: the ROS 2 wheels need Linux on x86_64 with glibc and Python 3.10 to 3.14, and '
+        'make: the ROS 2 wheels need Linux on x86_64 with glibc and Python 3.11 to 3.14, and '
         f'$(PYTHON) is Python {version[0]}.{version[1]} on {system} {machine}; '
         'name another with make PYTHON=...')
 try:
@@ -81,7 +81,7 @@ clean:
 
 $(VENV)/run.stamp: $(INSTALLED)
 	@command -v $(PYTHON) >/dev/null || { \
-		echo 'make: no $(PYTHON) here; name a Python 3.10 to 3.14 with make PYTHON=...' >&2; exit 2; }
+		echo 'make: no $(PYTHON) here; name a Python 3.11 to 3.14 with make PYTHON=...' >&2; exit 2; }
 	@$(PYTHON) -c "$$CHECK"
 	@echo 'Installing into $(VENV) ...'
 	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)

@@ -77,22 +77,19 @@ setup(
     maintainer_email=manifest.find('maintainer').get('email'),
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     data_files=data_files(),
-    python_requires='>=3.10',
+    python_requires='>=3.11',
     install_requires=[
         'bokeh>=3.4',
         'matplotlib',
         'mcap>=1.2',
         'numba>=0.58',
-        'numcodecs>=0.13',
         'numpy>=1.26',
         'pillow',
         'pyyaml',
         'rerun-sdk>=0.39',
         'rich',
         'xarray',
-        # The first of its third line that can be told to write chunks of zeros, too.
-        'zarr>=2.18; python_version < "3.11"',
-        'zarr>=3.1.6; python_version >= "3.11"',
+        'zarr>=3.1.6',
     ],
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={

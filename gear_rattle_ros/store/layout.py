@@ -33,8 +33,8 @@ class Layout:
     What a store consists of: axes, arrays that are written tile by tile, and attributes.
 
     `identity` is what makes it this result and no other (tool, parameters, windows, tolerances
-    ...): plain numbers, strings and lists. It is written as attributes; a store of another is not
-    resumed.
+    ...): plain numbers, strings and lists. It is written as attributes; a store with another
+    identity is not resumed.
     """
 
     axes: tuple[Axis, ...]

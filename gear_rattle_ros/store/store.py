@@ -1,74 +1,81 @@
 """
 Labelled arrays in Zarr on disk, resumable tile by tile.
 
-A store is a Zarr group of format 2, which zarr-python 2 and 3 and xarray all read. It is written
-through zarr alone, as importing xarray takes longer than a small grid; a tile is one chunk of
-every variable, so threads and processes write tiles without knowing of each other. A tile counts
-only once it is marked in `tile_done`, with the checksum of its chunks in `tile_checksum`; other
-arrays and the attributes have theirs in an attribute.
+A store is a Zarr group of format 3, which zarr and xarray read. A tile is one chunk of every
+variable, so threads and processes write tiles without knowing of each other. It counts only once
+it is marked in `tile_done`. Every chunk ends with a checksum (CRC-32C), which all readers check.
 """
 
-from collections.abc import Mapping
-import functools
+from collections.abc import Iterator, Mapping
+import itertools
+import json
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+import shutil
+from typing import Any, Final, TYPE_CHECKING
+import weakref
 
 import numpy as np
 import numpy.typing as npt
 
-from . import checksums, documents
-from .documents import CHECKSUMS, DIMENSIONS, DONE, ELSE, StoreError as StoreError
-from .groups import (
+from .arrays import (
     consolidate,
-    OF_ZARR_2,
-    open_group,
+    ELSE,
+    plain,
+    read_array,
     reading,
-    set_attributes,
-    to_write,
+    REMEDY,
+    StoreError as StoreError,
     write_array,
-    write_axis,
 )
-from .layout import Layout, Variable
+from .layout import Variable
 from ..core.words import counted
 
 if TYPE_CHECKING:
     import xarray
 
+DONE: Final = 'tile_done'
+IDENTITY: Final = 'identity'
+
 
 class Store:
     """
-    An open store.
+    An open store; raises StoreError where `path` does not hold one.
 
-    Parameters
-    ----------
-    path : Path
-        Its directory.
-
-    Attributes
-    ----------
-    path : Path
-        Its directory.
-    tiles : list of dict
-        Of every tile, a slice for each tiled dimension.
-
-    Raises
-    ------
-    StoreError
-        If there is none.
-
+    `path` is its directory, and `tiles` holds for every tile a slice for each tiled dimension.
+    With `folder` the store is temporary: that directory is removed with the object.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        if not (path / '.zgroup').is_file():
-            what = 'is no store of this package' if path.exists() else 'does not exist'
+    def __init__(self, path: Path | str, folder: Path | None = None) -> None:
+        import zarr
+        self.path = path = Path(path)
+        if not (path / 'zarr.json').is_file():
+            if (path / '.zgroup').is_file():
+                raise StoreError(f'{path} was written by an older version (zarr format 2); {ELSE}')
+            what = 'is not a store of this package' if path.exists() else 'does not exist'
             raise StoreError(f'{path} {what}; {ELSE}')
-        documents.require_group(path)
-        self._cuts = documents.tiles_of(path)
-        self.tiles: list[dict[str, slice]] = list(documents.regions_of(self._cuts))
-        self._done, self._checksums = checksums.read_marks(path, len(self.tiles))
-        with reading(path):
-            self._group = open_group(path)
+        self._arrays: dict[str, Any] = {}
+        with reading(path, ELSE):
+            # While a store is made, the consolidated metadata is behind.
+            self._group: Any = zarr.open_group(
+                str(path), mode='r+', zarr_format=3, use_consolidated=False)
+            if IDENTITY not in self._group.attrs or DONE not in self._group:
+                raise StoreError(f'{path} is not a store of this package; {ELSE}')
+            marks = self._array(DONE)
+            self._cuts: dict[str, tuple[int, int]] = {
+                name: (size, step) for name, size, step in json.loads(marks.attrs['tiles'])}
+            self._variables: list[str] = json.loads(marks.attrs['variables'])
+        self.tiles: list[dict[str, slice]] = list(_tiles_of(self._cuts))
+        try:
+            self._done = read_array(marks, (...,))
+        except ValueError:
+            # Without marks nothing counts as done.
+            self._done = np.zeros(marks.shape, marks.dtype)
+        self._remove = folder and weakref.finalize(self, shutil.rmtree, folder, True)
+
+    def close(self) -> None:
+        """Remove a temporary store; any other stays."""
+        if self._remove:
+            self._remove()
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -79,230 +86,115 @@ class Store:
         """List the numbers of the tiles that are still to be done."""
         return [int(tile) for tile in np.flatnonzero(self._done == 0)]
 
-    def marked(self) -> dict[int, bool]:
-        """Return for every tile that is done whether it is as it was written, by number."""
-        return {tile: bool(self._checksums[tile] == self._checksum(tile))
-                for tile in np.flatnonzero(self._done).tolist()}
+    def damaged(self) -> dict[int, Path]:
+        """Return the tiles that are marked but cannot be read, each with its first bad chunk."""
+        found = {}
+        for tile in np.flatnonzero(self._done).tolist():
+            for name in self._variables:
+                chunk = self._chunk(tile, name)
+                try:
+                    self.read(tile, name)
+                    is_whole = chunk.is_file()
+                except StoreError:
+                    is_whole = False
+                if not is_whole:
+                    found[tile] = chunk
+                    break
+        return found
 
     def write(self, tile: int, values: Mapping[str, npt.ArrayLike]) -> None:
-        """
-        Write a tile; any thread or process may.
-
-        Parameters
-        ----------
-        tile : int
-            Its number.
-        values : mapping
-            For each variable, an array of the tile's shape.
-
-        """
+        """Write a tile of each variable, an array of the tile's shape; any process may."""
         for name, value in values.items():
-            array = to_write(self._group, name)
+            array = self._array(name)
             array[self._place(array, tile)] = np.asarray(value)
 
     def read(self, tile: int, name: str) -> npt.NDArray[Any]:
-        """
-        Read a tile of a variable.
-
-        Parameters
-        ----------
-        tile : int
-            Its number.
-        name : str
-            The variable.
-
-        Returns
-        -------
-        ndarray
-            A copy.
-
-        """
-        with reading(self.path / name):
-            array = self._group[name]
-            return np.asarray(array[self._place(array, tile)])
+        """Read a tile of a variable."""
+        array = self._array(name)
+        with reading(self.path / name, REMEDY):
+            return read_array(array, self._place(array, tile))
 
     def read_all(self, name: str) -> npt.NDArray[Any]:
-        """
-        Read a whole array.
-
-        Parameters
-        ----------
-        name : str
-            Variable or coordinate.
-
-        Returns
-        -------
-        ndarray
-            A copy.
-
-        """
-        with reading(self.path / name):
-            return np.asarray(self._group[name][...])
+        """Read a whole array: a variable, a coordinate or a table."""
+        array = self._array(name)
+        with reading(self.path / name, REMEDY):
+            return read_array(array, (...,))
 
     def has_table(self, name: str) -> bool:
-        """
-        Tell whether an array that is not made tile by tile is there, as it was written.
+        """Whether an array that is not made tile by tile is there and can be read."""
+        try:
+            self.read_all(name)
+            array = self._array(name)
+            return bool(array.nchunks_initialized == array.nchunks)
+        except StoreError:
+            return False
 
-        Parameters
-        ----------
-        name : str
-            Of the array.
-
-        Returns
-        -------
-        bool
-            Whether it is.
-
-        """
-        return checksums.has_table(self.path / name)
-
-    def read_every(self, name: str, steps: Mapping[str, int]) -> npt.NDArray[Any]:
-        """
-        Read some cells of a whole array, a tile at a time.
-
-        Parameters
-        ----------
-        name : str
-            A variable whose dimensions are all tiled.
-        steps : mapping
-            For each dimension, every so many.
-
-        Returns
-        -------
-        ndarray
-            A copy.
-
-        """
-        array = self._group[name]
-        names = array.attrs[DIMENSIONS]
-        found = np.empty([-(-size // steps[one]) for size, one in zip(
-            array.shape, names, strict=True)], array.dtype)
-        for tile, region in enumerate(self.tiles):
-            # The first cell of the tile that is wanted, and where it goes.
-            first = [-(-region[one].start // steps[one]) for one in names]
-            inside = tuple(slice(at * steps[one] - region[one].start, None, steps[one])
-                           for at, one in zip(first, names, strict=True))
-            cells = self.read(tile, name)[inside]
-            found[tuple(slice(at, at + n) for at, n in zip(
-                first, cells.shape, strict=True))] = cells
-        return found
-
-    def mark(self, tile: int, done: bool = True) -> None:
-        """
-        Enter a tile as done, with the checksum of what is written; one process only does this.
-
-        Parameters
-        ----------
-        tile : int
-            Its number.
-        done : bool
-            Whether it is.
-
-        """
+    def mark(self, tile: int | list[int], done: bool = True) -> None:
+        """Enter whether tiles are done; one process only does this."""
         self._done[tile] = done
-        self._checksums[tile] = self._checksum(tile) if done else 0
-        self._write_marks()
+        self._array(DONE)[:] = self._done
 
     def write_table(self, variables: Mapping[str, tuple[tuple[str, ...], npt.ArrayLike,
                                                         Mapping[str, Any]]]) -> None:
         """
         Write arrays that are not made tile by tile; those of the same name are replaced.
 
-        Parameters
-        ----------
-        variables : mapping
-            For each name the dimensions, the values and the attributes.
-
+        Each name comes with dimensions, values and attributes.
         """
         for name, (dimensions, values, attributes) in variables.items():
-            write_array(self.path, self._group, Variable(name, dimensions, '', attributes),
+            self._arrays.pop(name, None)
+            write_array(self._group, Variable(name, dimensions, '', attributes),
                         np.asarray(values))
         consolidate(self.path)
 
     def set_attributes(self, attributes: Mapping[str, Any]) -> None:
-        """
-        Add attributes to the store.
-
-        Parameters
-        ----------
-        attributes : mapping
-            Plain values.
-
-        """
-        set_attributes(self._group, attributes)
+        """Add attributes to the store."""
+        self._group.attrs.update(plain(attributes))
         consolidate(self.path)
 
     def dataset(self) -> 'xarray.Dataset':
-        """Return the finished store as a dataset."""
-        return open_dataset(self.path)
-
-    def repair(self, layout: Layout) -> list[str]:
         """
-        Take back the marks of tiles that are not as they were written; write such axes anew.
+        Return what is in a store whose tiles are all done.
 
-        Parameters
-        ----------
-        layout : Layout
-            What the store consists of.
-
-        Returns
-        -------
-        list of str
-            What has been found, in words.
-
-        Raises
-        ------
-        StoreError
-            If something is not as it was written that cannot be told from the layout.
-
+        Arrays are read when they are looked at; those of a temporary store are in memory.
         """
-        documents.require_layout(self.path, layout, self._cuts)
-        found: list[str] = []
-        for axis in layout.axes:
-            if not self.has_table(axis.name):
-                found.append(f'{axis.name} is not as it was written; it is written anew')
-                write_axis(self.path, self._group, axis)
-            elif not np.array_equal(self.read_all(axis.name), axis.values):
-                raise StoreError(f'{self.path} was made with other values of {axis.name}; {ELSE}')
-        laid_out = {DONE, CHECKSUMS, *(axis.name for axis in layout.axes), *self._variables}
-        for folder in sorted(self.path.iterdir()):
-            if folder.is_dir() and folder.name not in laid_out and not self.has_table(folder.name):
-                raise StoreError(f'{folder} is not as it was written; remove it, and --resume '
-                                 'makes it anew')
-        marked = self.marked()
-        damaged = [tile for tile, is_whole in marked.items() if not is_whole]
-        if damaged:
-            names = ', '.join(str(tile) for tile in damaged[:8])
-            found.append(f'{len(damaged)} of {counted(len(marked), "finished tile")} must be '
-                         f'computed anew ({names}{", ..." if len(damaged) > 8 else ""}), for '
-                         'what was written is damaged')
-            self._done[damaged] = 0
-            self._write_marks()
-        # Zarr may read a chunk to write a part of it, which fails where it is torn.
-        for tile in self.pending():
-            for file in self._files(tile):
-                file.unlink(missing_ok=True)
-        return found
+        import xarray
+        if self.pending():
+            raise StoreError(f'{self.path}: {len(self.pending())} of '
+                             f'{counted(len(self.tiles), "tile")} must still be done; go on with '
+                             '--resume')
+        with reading(self.path, REMEDY):
+            dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
+            dataset = dataset.drop_vars(DONE)
+            return dataset.load() if self._remove else dataset
 
-    def _files(self, tile: int) -> list[Path]:
-        return checksums.tile_files(self.path, self._variables, {
-            name: part.start // self._cuts[name][1] for name, part in self.tiles[tile].items()})
+    def require_whole(self) -> None:
+        """Raise StoreError for the first array that is damaged or not complete."""
+        for tile, chunk in self.damaged().items():
+            raise StoreError(f'{chunk}: tile {tile} is damaged or missing; {REMEDY}')
+        with reading(self.path, ELSE):
+            names = sorted(self._group.array_keys())
+        for name in names:
+            if name not in (*self._variables, DONE) and not self.has_table(name):
+                raise StoreError(f'{self.path / name} is damaged or missing; {REMEDY}')
 
-    def _checksum(self, tile: int) -> int:
-        return checksums.chunks_checksum(self._files(tile))
+    def _array(self, name: str) -> Any:
+        if name not in self._arrays:
+            with reading(self.path / name, ELSE):
+                array = self._group[name]
+                # Zarr reads a missing chunk as zeros, so a chunk of zeros must be there.
+                self._arrays[name] = array.with_config({'write_empty_chunks': True})
+        return self._arrays[name]
 
-    @functools.cached_property
-    def _variables(self) -> dict[str, list[str]]:
-        return documents.variables_of(self.path)
-
-    def _write_marks(self) -> None:
-        # In this order: what is marked has its checksum.
-        to_write(self._group, CHECKSUMS)[:] = self._checksums
-        to_write(self._group, DONE)[:] = self._done
+    def _chunk(self, tile: int, name: str) -> Path:
+        metadata, region = self._array(name).metadata, self.tiles[tile]
+        return self.path / name / str(metadata.encode_chunk_key(tuple(
+            region[one].start // self._cuts[one][1] if one in region else 0
+            for one in metadata.dimension_names)))
 
     def _place(self, array: Any, tile: int) -> tuple[slice, ...]:
         region = self.tiles[tile]
-        return tuple(region.get(name, slice(None)) for name in array.attrs[DIMENSIONS])
+        return tuple(region.get(name, slice(None)) for name in array.metadata.dimension_names)
 
 
 def open_dataset(path: Path | str) -> 'xarray.Dataset':
@@ -322,37 +214,17 @@ def open_dataset(path: Path | str) -> 'xarray.Dataset':
     Raises
     ------
     StoreError
-        If there is none, it is not complete, or something in it is not as it was written.
-
-    """
-    import xarray
-    path = Path(path)
-    require_whole(path)
-    form: dict[str, Any] = {} if OF_ZARR_2 else {'zarr_format': 2}
-    dataset = xarray.open_zarr(str(path), consolidated=True, chunks=None, **form)
-    return dataset.drop_vars([DONE, CHECKSUMS])
-
-
-def require_whole(path: Path) -> None:
-    """
-    Refuse a store that is not complete, or whose files are not as they were written.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-
-    Raises
-    ------
-    StoreError
-        Naming the first.
+        If there is no store, it is not complete, or something in it is damaged.
 
     """
     store = Store(path)
-    documents.require_plain_files(path)
-    checksums.require_attributes(path)
-    if store.pending():
-        raise StoreError(f'{path}: {len(store.pending())} of '
-                         f'{counted(len(store.tiles), "tile")} must still be done; go on with '
-                         '--resume')
-    checksums.require_whole(path, store.marked())
+    store.require_whole()
+    return store.dataset()
+
+
+def _tiles_of(cuts: Mapping[str, tuple[int, int]]) -> Iterator[dict[str, slice]]:
+    """Yield every tile's slice of each tiled dimension."""
+    for pieces in itertools.product(
+            *([slice(a, min(a + step, size)) for a in range(0, size, step)]
+              for size, step in cuts.values())):
+        yield dict(zip(cuts, pieces, strict=True))

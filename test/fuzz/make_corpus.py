@@ -1,12 +1,10 @@
 """Make the inputs that fuzzing starts from: PYTHONPATH=test python test/fuzz/make_corpus.py."""
 
 import io
-import json
 from pathlib import Path
 
 import bag_maker
 from mcap.writer import CompressionType, Writer
-import readers
 
 from gear_rattle_ros.bags import metadata
 from gear_rattle_ros.bags.topics import Contents
@@ -47,13 +45,6 @@ def main() -> None:
         'metadata': b'Y' + metadata.dump({'rosbag2_bagfile_information': metadata.document(
             {'bag.mcap': Contents({TOPIC.name: TOPIC}, {TOPIC.name: 3}, 1, 2)})}).encode(),
     }
-    for number, document in enumerate(readers.DOCUMENTS):
-        name = 'document_' + document.replace('/', '').replace('.', '_')
-        inputs[name] = b'J' + bytes([number, readers.RAW]) + (
-            readers.store() / document).read_bytes()
-    # The cuts of the tiles by themselves.
-    tiles = json.dumps(json.dumps([['velocity', 7, 3], ['phase', 5, 2]]))
-    inputs['tiles'] = b'J' + bytes([6, 1]) + tiles.encode()
     for name, data in inputs.items():
         (CORPUS / name).write_bytes(data)
 

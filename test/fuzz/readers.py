@@ -2,14 +2,10 @@
 
 import atexit
 import functools
-import json
-import math
 import os
 from pathlib import Path
 import shutil
 import tempfile
-
-import numpy as np
 
 from gear_rattle_ros.bags import Bag, BagError
 from gear_rattle_ros.bags.clouds import CloudDecoder
@@ -17,21 +13,7 @@ from gear_rattle_ros.bags.metadata import file_names
 from gear_rattle_ros.bags.salvage import Salvage
 from gear_rattle_ros.core.model import EventKind
 from gear_rattle_ros.core.stream.event_points import check_events
-from gear_rattle_ros.store.checksums import attributes_checksum, CHECKSUM, require_attributes
-from gear_rattle_ros.store.documents import require_group, require_layout, StoreError, tiles_of
-from gear_rattle_ros.store.layout import Axis, Layout, Variable
-from gear_rattle_ros.store.making import make_store
 
-LAYOUT = Layout(
-    (Axis('velocity', np.linspace(-1.0, 1.0, 7), {'units': '1'}, 3),
-     Axis('phase', np.arange(5.0), {'units': 'rad'}, 2)),
-    (Variable('label', ('velocity', 'phase'), '<i2', {'long_name': 'label'}),),
-    {'tool': 'test', 'alpha': 0.48})
-# By the first byte of an input of the documents: the one that it changes. The second is the number
-# of the name in it whose value it gives; RAW where it gives the whole document.
-RAW = 255
-DOCUMENTS = ('.zattrs', '.zgroup', 'label/.zarray', 'label/.zattrs', 'phase/.zarray',
-             'tile_done/.zarray', 'tile_done/.zattrs', 'tile_checksum/.zarray')
 # One decoder for all inputs, as for all messages of a topic.
 DECODER = CloudDecoder()
 
@@ -104,60 +86,8 @@ def salvage(data: bytes) -> str:
     return ''
 
 
-@functools.cache
-def store() -> Path:
-    """Make a store."""
-    path = folder() / 'a.zarr'
-    made = make_store(path, LAYOUT, 'command')
-    for tile in made.pending():
-        part = {name: piece.stop - piece.start for name, piece in made.tiles[tile].items()}
-        made.write(tile, {'label': np.full(tuple(part.values()), tile, np.int16)})
-        made.mark(tile)
-    made.set_attributes({'stay': 3})
-    return path
-
-
-def read_document(data: bytes) -> str:
-    """Hold a store of which a document is changed against its layout."""
-    if len(data) < 2:
-        return ''
-    path = store()
-    file = path / DOCUMENTS[data[0] % len(DOCUMENTS)]
-    right = file.read_bytes()
-    content = data[2:]
-    if data[1] != RAW:
-        document = json.loads(right)
-        try:
-            document[list(document)[data[1] % len(document)]] = json.loads(content)
-            if isinstance(document.get(CHECKSUM), int):
-                document[CHECKSUM] = attributes_checksum(document)
-            content = json.dumps(document).encode()
-        except (ValueError, RecursionError):
-            return ''
-    file.write_bytes(content)
-    try:
-        require_group(path)
-        require_attributes(path)
-        cuts = tiles_of(path)
-        require_layout(path, LAYOUT, cuts)
-    except StoreError as error:
-        return str(error)
-    finally:
-        file.write_bytes(right)
-    # What passes says what it should, in whatever words.
-    found, wanted = json.loads(content), json.loads(right)
-    if file.name == '.zarray':
-        if found.setdefault('filters', None) == []:
-            found['filters'] = None
-        assert found == {name: wanted[name] for name in found}
-    assert {name: size for name, (size, _) in cuts.items()} == {'velocity': 7, 'phase': 5}
-    assert math.prod(-(-size // step) for size, step in cuts.values()) == 9
-    return ''
-
-
 # By the first byte of an input; the rest is what is read.
-READERS = {b'M': read_mcap, b'C': read_cloud, b'Y': read_metadata, b'S': salvage,
-           b'J': read_document}
+READERS = {b'M': read_mcap, b'C': read_cloud, b'Y': read_metadata, b'S': salvage}
 
 
 def read(data: bytes) -> str:
