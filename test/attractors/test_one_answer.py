@@ -95,19 +95,18 @@ def test_every_tool_finds_the_same(first, tmp_path):
     assert_one_answer(known(first), shares, 300, 400)
 
 
-@pytest.mark.parametrize('values', [
+@pytest.mark.parametrize('first', [
     pytest.param(values, marks=() if values in (FAST[1], OTHERS[2]) else pytest.mark.long)
-    for values in (*PAPERS, *OTHERS)], ids=named)
-def test_continuation_agrees(values, tmp_path):
+    for values in (*PAPERS, *OTHERS)], ids=named, indirect=True)
+def test_continuation_agrees(first, tmp_path):
     """In the middle of a narrow window it sees the same keys and shares."""
-    parameters = Parameters(*values)
-    first = find_attractors(parameters, Plane().draw(parameters, 300, 1), hold=20_000)
+    parameters = first.parameters
     words = [f'--{name}={value!r}' for name, value in dataclasses.asdict(parameters).items()
              if name != 'alpha']
     alphas = [repr(parameters.alpha * (1.0 + step)) for step in (-1e-7, 1e-7)]
     path = tmp_path / 'k.zarr'
     assert continuation.main([*words, '--alpha', *alphas, '--columns', '3', '--trajectories', '96',
-                 '--hold', '20000', '--tolerance', '1e-3', '--output', str(path)]) == 0
+                              '--hold', '20000', '--tolerance', '1e-3', '--output', str(path)]) == 0
     middle = open_dataset(path).isel(sweep=0, alpha=1)
     shares = {key: share for key, share in zip(
         middle.key.values.tolist(), middle.share.values.tolist(), strict=True) if key}
