@@ -29,41 +29,13 @@ def hue(number: int) -> str:
 
 
 def colours_of(hues: Sequence[int]) -> dict[int, str]:
-    """
-    List the colour of every label.
-
-    Parameters
-    ----------
-    hues : sequence of int
-        Numbers of the colours of labels 0, 1, ...
-
-    Returns
-    -------
-    dict
-        Colours as HTML writes them, by label; those of the unsettled and of rest among them.
-
-    """
+    """List the colour of every label; those of the unsettled and of rest are among them."""
     return ENDS | {label: hue(number) for label, number in enumerate(hues)}
 
 
 def painted(labels: npt.NDArray[np.signedinteger], colours: Mapping[int, str]
             ) -> npt.NDArray[np.uint8]:
-    """
-    Paint a grid of labels.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (velocities, phases)
-        Label of every start.
-    colours : mapping
-        Colour of every label.
-
-    Returns
-    -------
-    ndarray of uint8, shape (velocities, phases, 4)
-        Red, green, blue, opacity.
-
-    """
+    """Paint a grid of labels in red, green, blue and opacity, 0 to 255."""
     lowest = min(colours)
     table = np.zeros((max(colours) - lowest + 1, 4), np.uint8)
     for label, colour in colours.items():

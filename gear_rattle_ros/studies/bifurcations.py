@@ -40,22 +40,12 @@ class Event:
     """
     Where an attractor changes.
 
-    Attributes
-    ----------
-    attractor : int
-        Its number.
-    what : str
-        Of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a stable
-        orbit is born and replaces it), crisis (trajectories leave it for good), interior crisis
-        (it suddenly grows). Of any: not located (it is seen at one alpha and not at the next;
-        at rest, or on an orbit that sticks, it cannot be followed).
-    alpha, tolerance : float
-        Where, and how well that is located [1].
-    orbit : Orbit or None
-        That changes, or on which trajectories then settle.
-    name : str
-        Key of what is no orbit that can be followed.
-
+    `attractor`: its number; `what`: of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic
+    attractor: window (a stable orbit is born and replaces it), crisis (trajectories leave it for
+    good), interior crisis (it suddenly grows). Of any: not located (it is seen at one alpha and
+    not at the next; at rest, or on an orbit that sticks, it cannot be followed); `alpha`,
+    `tolerance`: where, and how well that is located [1]; `orbit`: that changes, or on which
+    trajectories then settle; `name`: key of what is no orbit that can be followed.
     """
 
     attractor: int
@@ -79,15 +69,7 @@ class Event:
         return float(min(self.orbit.multipliers, key=lambda m: abs(m - critical)).real)
 
     def describe(self) -> str:
-        """
-        Put it in words.
-
-        Returns
-        -------
-        str
-            One line below `HEADING`.
-
-        """
+        """Put it in words."""
         digits = 1 - math.floor(math.log10(self.tolerance))
         return (f'{self.attractor:9d}  {self.what:15s}  {self.alpha:.{digits}f} +- '
                 f'{self.tolerance:.1e}  {self.key}').rstrip()
@@ -101,17 +83,8 @@ class Family:
     """
     The stable orbits of a branch between two changes.
 
-    Attributes
-    ----------
-    orbits : list of Orbit
-        In the order of alpha.
-    turns : list of Turn
-        Where it ends.
-    parent : int
-        The family from which it parts, -1 for none.
-    numbers : list of int
-        Of the attractors that were seen on it.
-
+    `orbits`: in the order of alpha; `turns`: where it ends; `parent`: the family from which it
+    parts, -1 for none; `numbers`: of the attractors that were seen on it.
     """
 
     orbits: list[Orbit]
@@ -153,25 +126,6 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
 
     A periodic one ends where its branch does, so its branch is followed and no trajectory is
     asked; a chaotic one is followed with its own states.
-
-    Parameters
-    ----------
-    diagram : Diagram
-        The diagram, with the sweep from starts.
-    store : Store
-        Complete.
-    tolerance : float
-        In alpha, of the ends of chaotic attractors [1].
-    hold : int
-        A chaotic attractor lasts where `LANES` trajectories stay for so many impacts.
-    searched : callable
-        Receives the number of searches just done, of those that `searches_of` counts.
-
-    Returns
-    -------
-    list of Event
-        Attractor by attractor, in the order of alpha.
-
     """
     ends: list[tuple[int, End]] = []
     families: list[Family] = []
@@ -232,45 +186,13 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
 
 
 def searches_of(diagram: Diagram, store: Store) -> int:
-    """
-    Foresee how many searches `events_of` takes.
-
-    Parameters
-    ----------
-    diagram : Diagram
-        The diagram, with the sweep from starts.
-    store : Store
-        Complete.
-
-    Returns
-    -------
-    int
-        One for each orbit seen, some for each end of a chaotic attractor.
-
-    """
+    """Foresee how many searches `events_of` takes."""
     return (sum(1 for _ in _seen(diagram, store, PERIODIC))
             + 2 * FOLLOWING * sum(1 for _ in _runs(diagram, store)))
 
 
 def orbit_in(diagram: Diagram, store: Store, column: int, slot: int) -> Orbit | None:
-    """
-    Take a periodic attractor from a store.
-
-    Parameters
-    ----------
-    diagram : Diagram
-        The diagram.
-    store : Store
-        Complete.
-    column, slot : int
-        Which column, and which of its attractors.
-
-    Returns
-    -------
-    Orbit or None
-        None where Newton's method does not find it again.
-
-    """
+    """Take a periodic attractor from a store."""
     parameters = diagram.at(column)
     state = _read(diagram, store, 'member_state')[column, slot]
     period = int(_read(diagram, store, 'period_impacts')[column, slot])

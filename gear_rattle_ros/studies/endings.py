@@ -55,17 +55,8 @@ class Herd:
     """
     Trajectories that are on a chaotic attractor.
 
-    Attributes
-    ----------
-    parameters : Parameters
-        The parameters.
-    states : ndarray of START, shape (LANES,)
-        Where they are.
-    region : ndarray of bool, shape (2, BOXES, BOXES)
-        Where their impacts were, with all neighbours: wall, speed, phase.
-    speed : float
-        Greatest speed of the boxes [1].
-
+    `parameters`: the parameters; `states`: where they are; `region`: where their impacts were,
+    with all neighbours: wall, speed, phase; `speed`: greatest speed of the boxes [1].
     """
 
     parameters: Parameters
@@ -85,11 +76,8 @@ class Escape:
     """
     Trajectories of which one has left the attractor.
 
-    Attributes
-    ----------
-    captor : Orbit or str or None
-        The orbit on which it has settled, or the key of rest; None where it goes on elsewhere.
-
+    `captor`: the orbit on which it has settled, or the key of rest; None where it goes on
+    elsewhere.
     """
 
     captor: Orbit | str | None
@@ -100,19 +88,11 @@ class End:
     """
     Where a chaotic attractor ends.
 
-    Attributes
-    ----------
-    kind : str
-        window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
-        interior crisis: they come back to it now and then;
-        orbit: it is no end, but goes on as an orbit whose doublings lead up to it.
-    alpha, uncertainty : float
-        Where, and how far off that can be [1].
-    captor : Orbit or str or None
-        What its trajectories settle on: of a window where it is born, else beyond.
-    last : Herd
-        The last that did not escape.
-
+    `kind`: window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
+    interior crisis: they come back to it now and then; orbit: it is no end, but goes on as an
+    orbit whose doublings lead up to it; `alpha`, `uncertainty`: where, and how far off that can be
+    [1]; `captor`: what its trajectories settle on: of a window where it is born, else beyond;
+    `last`: the last that did not escape.
     """
 
     kind: str
@@ -123,22 +103,7 @@ class End:
 
 
 def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
-    """
-    Make states of many trajectories from one; in chaos they diverge.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The parameters.
-    state : ndarray of float, shape (3,)
-        Phase [rad], displacement and velocity [1].
-
-    Returns
-    -------
-    ndarray of START, shape (LANES,)
-        The states.
-
-    """
+    """Make states of many trajectories from one; in chaos they diverge."""
     phase, displacement, velocity = state
     return make_initial_conditions(parameters, phase, displacement,
                        velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
@@ -147,24 +112,10 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
 def watch(parameters: Parameters, states: RecordArray, hold: int,
           before: Herd | None = None) -> Herd | Escape:
     """
-    Watch whether trajectories stay on their attractor.
+    Watch for `hold` impacts each whether trajectories stay on their attractor.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        The parameters.
-    states : ndarray of START, shape (LANES,)
-        On the attractor; their parameters are not used.
-    hold : int
-        Impacts of each.
-    before : Herd, optional
-        The attractor a little before; where none is given, it is what they are seen on.
-
-    Returns
-    -------
-    Herd or Escape
-        They all stay, or the first that does not.
-
+    Return their herd, or the first escape. Without `before`, the attractor a little earlier, it is
+    what they are seen on.
     """
     seen: list[RecordArray] = []
     away = np.ones(LANES, bool)
@@ -190,28 +141,11 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
 def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance: float,
              hold: int) -> End | None:
     """
-    Follow a chaotic attractor to its end.
+    Follow a chaotic attractor to its end, as far as the column at `edge`.
 
-    Parameters
-    ----------
-    herd : Herd
-        On it.
-    direction : float
-        Sign of the steps in alpha.
-    width : float
-        The first step, and the longest: from column to column [1].
-    edge : float
-        How far it is followed in alpha, to a column [1].
-    tolerance : float
-        The shortest step [1].
-    hold : int
-        An attractor lasts where `LANES` trajectories stay for so many impacts.
-
-    Returns
-    -------
-    End or None
-        None where it does not end.
-
+    The steps in alpha have the sign of `direction`; `width` is the first and the longest,
+    `tolerance` the shortest. An attractor lasts where `LANES` trajectories stay for `hold`
+    impacts. None where it does not end.
     """
     low, step, stayed = herd.parameters.alpha, width, 0
     captor, turn = None, None
@@ -333,23 +267,9 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
     """
     Measure how fast trajectories escape beyond the end of their attractor.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Beyond it.
-    herd : Herd
-        On the attractor just before.
-    wanted : int
-        Escapes after which it is enough.
-    most : float
-        Impacts of all trajectories together after which it is given up [1].
-
-    Returns
-    -------
-    EscapeRate
-        Of an exponential law, seen every `ROUND` impacts. A trajectory that escapes is replaced;
-        what happens in the first round of each says nothing.
-
+    It is enough after `wanted` escapes, or `most` impacts of all together. They are seen every
+    `ROUND` impacts; a trajectory that escapes is replaced, and the first round of each does not
+    count.
     """
     states = herd.states
     counts = np.zeros(LANES, bool)

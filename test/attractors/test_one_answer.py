@@ -106,7 +106,8 @@ def test_continuation_agrees(first, tmp_path):
     alphas = [repr(parameters.alpha * (1.0 + step)) for step in (-1e-7, 1e-7)]
     path = tmp_path / 'k.zarr'
     assert continuation.main([*words, '--alpha', *alphas, '--columns', '3', '--trajectories', '96',
-                              '--hold', '20000', '--tolerance', '1e-3', '--output', str(path)]) == 0
+                              '--hold', '20000', '--tolerance', '1e-3',
+                              '--output', str(path)]) == 0
     middle = open_dataset(path).isel(sweep=0, alpha=1)
     shares = {key: share for key, share in zip(
         middle.key.values.tolist(), middle.share.values.tolist(), strict=True) if key}
