@@ -60,7 +60,7 @@ def test_levels_become_finer_and_end() -> None:
 
 def test_what_cannot_be_is_refused() -> None:
     """Every field is validated, with one line."""
-    with pytest.raises(ValueError, match='none of basins'):
+    with pytest.raises(ValueError, match='is not one of basins'):
         View(kind='colours')
     with pytest.raises(ValueError, match='empty or reversed'):
         View(velocity=(1.0, 1.0))
