@@ -19,7 +19,6 @@ ALIKE: Final = 0.05
 MOST: Final = 400
 
 
-
 @dataclasses.dataclass(frozen=True)
 class Trace:
     """

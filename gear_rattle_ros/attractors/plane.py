@@ -75,13 +75,11 @@ class Plane:
         return _centres(self.velocity, self.velocities, first, last)
 
     def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
-        """
-        Return the initial conditions of some cells as START, row by row, velocity first.
-        """
+        """Return the initial conditions of some cells as START, row by row, velocity first."""
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
         return make_initial_conditions(parameters, np.tile(p, len(v)), self.displacement,
-                           np.repeat(v, len(p)))
+                                       np.repeat(v, len(p)))
 
     def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
         """
@@ -105,7 +103,7 @@ class Plane:
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
         return make_initial_conditions(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,
-                           v0 + (v1 - v0) * drawn[:, 1])
+                                       v0 + (v1 - v0) * drawn[:, 1])
 
     def magnified(self, phase: float, velocity: float, factor: float) -> 'Plane':
         """Magnify the window about a point, which stays where it is in the picture."""

@@ -51,7 +51,7 @@ def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     censored = _thinned(dataset['label']) == UNSETTLED
     norm = Normalize(0, cap) if paper else LogNorm(1, max(cap, 2))
     shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper))
-    colours = looks.map('inferno').with_extremes(bad=ENDS[UNSETTLED])
+    colours = looks.scale('inferno').with_extremes(bad=ENDS[UNSETTLED])
     drawn = axes.imshow(shown, cmap=colours, norm=norm, **_placed(dataset))
     bar = figure.colorbar(drawn, ax=axes, shrink=0.9)
     bar.set_label('lifetime of the transient [impacts]')
@@ -70,7 +70,7 @@ def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     exponents = _thinned(dataset['exponent'])
     finite = np.abs(exponents[np.isfinite(exponents)])
     reach = max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
-    colours = looks.map('') if looks.colours else LinearSegmentedColormap.from_list(
+    colours = looks.scale('') if looks.colours else LinearSegmentedColormap.from_list(
         'exponents', EXPONENTS)
     drawn = axes.imshow(np.ma.masked_invalid(exponents),
                         cmap=colours.with_extremes(bad=FORGOTTEN),

@@ -72,7 +72,7 @@ class Looks:
         return to_hex(colours(number % colours.N if colours.N < 64 else
                               number * math.tau % 1.0))
 
-    def map(self, usual: str) -> Colormap:
+    def scale(self, usual: str) -> Colormap:
         """Return the colour map of a quantity."""
         return colormaps['gray_r' if self.is_paper else self.colours or usual]
 

@@ -67,7 +67,7 @@ class Diagram:
     def draw(self, column: int) -> npt.NDArray[np.void]:
         """Draw the initial conditions of a column, which has a seed of its own."""
         return self.plane.draw(self.at(column), self.trajectories,
-                                        self.seed * 1_000_003 + column)
+                               self.seed * 1_000_003 + column)
 
     def at(self, column: int) -> Parameters:
         """Return the parameters of a column, with its alpha."""
