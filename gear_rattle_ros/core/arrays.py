@@ -6,3 +6,5 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+# Records of a structured dtype.
+RecordArray: TypeAlias = npt.NDArray[np.void]

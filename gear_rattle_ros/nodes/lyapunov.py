@@ -39,7 +39,7 @@ class Lyapunov(ReadingNode):
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return the estimate and what was lost."""
-        now = self._running.report()
+        now = self._running.report
         level, message = self._holes.status()
         return level, message, {
             **self._input.counts(), **self._holes.counts(), **dataclasses.asdict(now),
@@ -57,7 +57,7 @@ class Lyapunov(ReadingNode):
         self._holes.speak()
 
     def _publish(self) -> None:
-        now = self._running.report()
+        now = self._running.report
         if now.index == 0 and now.impacts == 0 or now == self._published:
             return
         self._published = now

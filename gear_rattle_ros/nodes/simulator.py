@@ -99,8 +99,8 @@ class Simulator(StreamingNode):
             level, message = 'warn', f'waiting {now - waiting:.0f} s for a reader'
         elif self._rate > 0.0 and self._by_clock.lag > 0.0:
             level, message = 'warn', 'slower than the rate asked for'
-        elif self._simulation.is_resting_for_ever:
-            message = 'at rest on a wall for ever'
+        elif self._simulation.is_permanently_at_rest:
+            message = 'permanently at rest on a wall'
         state = self._simulation.state
         return level, message, {
             'impacts': impacts,

@@ -1,9 +1,9 @@
 """
 Sine, cosine, inverse tangent, logarithm and exponential relaxation, from arithmetic alone.
 
-Only operations that IEEE 754 rounds exactly are used: the results do not depend on the machine's
-mathematical library, and the code vectorises. Taylor polynomials on reduced arguments; every
-function is good to about one unit in the last place.
+Only operations that IEEE 754 rounds exactly are used, so the results do not depend on the
+machine's mathematical library, and the code vectorises. Each function is good to about one unit in
+the last place.
 """
 
 import math
@@ -171,11 +171,7 @@ def relaxation_series(x: float) -> float:
 
 @kernel
 def relaxation(d: float, beta: float) -> tuple[float, float, float]:
-    """
-    Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``.
-
-    B is the integral of E over the duration d >= 0, C that of B; all are regular at ``beta = 0``.
-    """
+    """Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``, for d >= 0."""
     x = beta * d
     if x < 1.0:
         second = relaxation_series(x)

@@ -33,13 +33,10 @@ def square_root(_context: Any, x: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def prefer_wide_vectors(_context: Any) -> Any:
-    """
-    Let LLVM use 512-bit vectors in the calling function, where the processor has them.
-
-    LLVM prefers 256 bits on many Intel processors. This is what clang's
-    `-mprefer-vector-width=512` sets: a function attribute, so nothing else in the process is
-    touched. llvmlite knows no attribute with a value; the text is put into its set as it is.
-    """
+    """Let LLVM use 512-bit vectors in the calling function, where the processor has them."""
+    # LLVM prefers 256 bits on many Intel processors; this sets the function attribute of clang's
+    # `-mprefer-vector-width=512`. llvmlite has no attributes with values, so its text is added to
+    # the set.
     def code(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()

@@ -15,8 +15,8 @@ def next_impact(  # type: ignore[no-untyped-def]
     """
     Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1].
 
-    The wall is NO_WALL where the mass sticks first or meets none in 64 drive periods: there the
-    map is not smooth, or not defined. Phases are in rad, velocities just before an impact [1].
+    The wall is NO_WALL where the gear sticks first or meets no wall in a leg: there the map is not
+    smooth, or not defined.
     """
     towards = 1.0 if wall == UPPER else -1.0
     after = -restitution * velocity
@@ -44,7 +44,7 @@ def derivatives(  # type: ignore[no-untyped-def]
     after = -restitution * velocity
     leaving = acceleration(sine, cosine, after, alpha, beta, gamma)
     meeting = acceleration(sine_next, cosine_next, velocity_next, alpha, beta, gamma)
-    # At fixed time: a later start is a state that lies so much behind.
+    # At fixed time: a later take-off is a state that lies that much behind.
     way_phase = -after - integral * leaving
     way_velocity = -restitution * integral
     way_alpha = sine_next - sine - integral * cosine
@@ -66,8 +66,8 @@ def shoot(  # type: ignore[no-untyped-def]
     """
     Map every impact of a closed sequence on; False where a flight ends at another wall.
 
-    `defects` receives what is missing to a periodic orbit [rad, 1], `jacobian` its derivatives by
-    the points and, in the last column, by alpha, and `times` the flight times [1].
+    `defects` receives how far it is from closing [rad, 1], `jacobian` their derivatives by the
+    points and, in the last column, by alpha, and `times` the flight times [1].
     """
     q = len(walls)
     jacobian[:] = 0.0
