@@ -1,10 +1,13 @@
 """The arrays of numbers that functions take and return."""
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
 # Records of a structured dtype.
 RecordArray: TypeAlias = npt.NDArray[np.void]
+# One of them in a kernel: the types of numpy do not know its fields.
+Record: TypeAlias = Any

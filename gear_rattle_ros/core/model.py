@@ -140,11 +140,7 @@ class Parameters:
         model : Parameters
             ``alpha = A R_e/nu``, ``beta = d/(m omega)``, ``gamma = T R/(m nu omega^2)``: the
             paper's definitions below eq. (2), with the nu that makes gamma dimensionless.
-
-        Raises
-        ------
-        ValueError
-            If a quantity that must be positive is not, or a result is out of range.
+            ValueError if a quantity that must be positive is not, or a result is out of range.
 
         """
         for name, value in (

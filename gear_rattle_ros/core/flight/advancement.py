@@ -30,14 +30,14 @@ LEAP_TRIALS: Final = 16
 
 
 @inlined
-def is_slow(effort, d):  # type: ignore[no-untyped-def]
-    """Whether a search up to time d has taken so many evaluations that it may never end."""
+def is_slow(effort: float, d: float) -> bool:
+    """Whether a search up to time d has taken more evaluations than one that surely ends."""
     return effort > PATIENCE + PATIENCE_RATE * d
 
 
 @inlined
-def look_ahead(  # type: ignore[no-untyped-def]
-        displacement, moved, velocity, sine, cosine, alpha, beta, gamma):
+def look_ahead(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
+               alpha: float, beta: float, gamma: float) -> tuple[float, ...]:
     """Describe the flight as seen from the wall ahead, and how far that is about."""
     drive_cosine = alpha * cosine
     relax = gamma - beta * (velocity - drive_cosine)
@@ -68,7 +68,7 @@ def look_ahead(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def worst_jerk(jerk, jerk_bound, snap_bound, longest):  # type: ignore[no-untyped-def]
+def worst_jerk(jerk: float, jerk_bound: float, snap_bound: float, longest: float) -> float:
     """Bound c such that the third-order remainder is at most ``c t^3/6`` until `longest`."""
     c = jerk + snap_bound * longest * 0.25
     c = choose(c < jerk_bound, c, jerk_bound)
@@ -76,8 +76,8 @@ def worst_jerk(jerk, jerk_bound, snap_bound, longest):  # type: ignore[no-untype
 
 
 @inlined
-def stop_ahead(  # type: ignore[no-untyped-def]
-        speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound):
+def stop_ahead(speed: float, pull: float, jerk: float, ahead: float, horizon: float,
+               jerk_bound: float, snap_bound: float) -> float:
     """Return how far the flight can certainly go before the wall ahead [1]."""
     # Towards that wall, the displacement in time t is at most ``u t + f t^2/2 + c t^3/6`` for ``t
     # <= T``, with c the largest jerk until T; so at most ``u t + (f + c T/3) t^2/2``. Any T is
@@ -92,8 +92,8 @@ def stop_ahead(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def stop_behind(  # type: ignore[no-untyped-def]
-        front, speed, pull, jerk, behind, jerk_bound, snap_bound):
+def stop_behind(front: float, speed: float, pull: float, jerk: float, behind: float,
+                jerk_bound: float, snap_bound: float) -> tuple[float, float]:
     """
     Return the step `front`, shortened where the gear may come back to the wall behind.
 
@@ -131,7 +131,8 @@ def leap(displacement: float, moved: float, velocity: float, sine: float, cosine
 
 
 @inlined
-def derivatives(towards, pull, sine, cosine, alpha, beta):  # type: ignore[no-untyped-def]
+def derivatives(towards: float, pull: float, sine: float, cosine: float, alpha: float,
+                beta: float) -> tuple[float, ...]:
     """Return the fourth to eighth derivative of the way, and a bound of the 2nd and 8th."""
     signed = towards * alpha
     sine = signed * sine
@@ -149,8 +150,9 @@ def derivatives(towards, pull, sine, cosine, alpha, beta):  # type: ignore[no-un
 
 
 @inlined
-def aim(  # type: ignore[no-untyped-def]
-        speed, pull, jerk, ahead, horizon, jerk_bound, towards, sine, cosine, alpha, beta):
+def aim(speed: float, pull: float, jerk: float, ahead: float, horizon: float, jerk_bound: float,
+        towards: float, sine: float, cosine: float, alpha: float,
+        beta: float) -> tuple[float, ...]:
     """
     Improve the time to the wall ahead: one Chebyshev step on a seventh-order Taylor polynomial.
 
@@ -181,9 +183,10 @@ def aim(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def close_in(  # type: ignore[no-untyped-def]
-        d, velocity, step, returns, aimed, aim_error, slowness, longest, speed, pull, jerk,
-        jerk_bound, snap_bound, towards, sine, cosine, alpha, beta):
+def close_in(d: float, velocity: float, step: float, returns: float, aimed: float,
+             aim_error: float, slowness: float, longest: float, speed: float, pull: float,
+             jerk: float, jerk_bound: float, snap_bound: float, towards: float, sine: float,
+             cosine: float, alpha: float, beta: float) -> tuple[float, float, bool, float, bool]:
     """
     Find the impact, or a longer certain step.
 

@@ -112,7 +112,7 @@ def exp_minus(x: float) -> float:
         1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (
             1.0 / 362880 + r * (1.0 / 3628800 + r * (1.0 / 39916800 + r * (
                 1.0 / 479001600 + r * (1.0 / 6227020800)))))))))))))
-    # Of the two factors only the second can round, where the result is subnormal.
+    # Only the second factor can round, where the result is subnormal.
     most = min(int(k), 1000)
     return polynomial * power_of_two(-most) * power_of_two(most - int(k))
 

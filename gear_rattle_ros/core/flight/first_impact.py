@@ -69,8 +69,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
     moved, last, _, _ = displace(end, sin_p, cos_p, v0, alpha, beta, gamma)
     evaluations = 2
     # The bracket [a, b] is of the turn first, then of the impact.
-    a = d
-    b = end
+    a, b = d, end
     if (first > 0.0 > last) or (first < 0.0 < last):
         beyond = moved, last
         for _ in range(HALVINGS):
@@ -86,8 +85,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
                 moved, last = there[:2]
         a = d
         if wall_reached(s0, moved) == NO_WALL:
-            a = b
-            b = end
+            a, b = b, end
             moved, last = beyond
     wall = wall_reached(s0, moved)
     if wall == NO_WALL:
@@ -101,8 +99,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
         if wall_reached(s0, moved) == NO_WALL:
             a = time
         else:
-            b = time
-            last = velocity
+            b, last = time, velocity
     return b - d, max(last if wall == UPPER else -last, FAINTEST), wall, evaluations
 
 

@@ -38,7 +38,7 @@ from .closed_form import (
 from .elementary import sine_cosine
 from .first_impact import bisect_on
 from .lanes_step import CRAWLING, LANES, step, TILE
-from ..arrays import RecordArray
+from ..arrays import Record, RecordArray
 from ..compiled import kernel
 from ..model import STICKING_SPEED
 
@@ -81,7 +81,7 @@ def new_impacts(steps: int) -> RecordArray:
 
 
 @kernel
-def evaluate(tile, i):  # type: ignore[no-untyped-def]
+def evaluate(tile: Record, i: int) -> None:
     """Evaluate the flight of a lane at the duration up to which it is known."""
     sine, cosine = sine_cosine(tile.phase[i])
     tile.sine[i], tile.cosine[i] = sine, cosine
@@ -91,7 +91,7 @@ def evaluate(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def settle(tile, i):  # type: ignore[no-untyped-def]
+def settle(tile: Record, i: int) -> None:
     """Prepare a lane whose flight begins: the gear may first rest on a wall, or permanently."""
     on_upper = tile.displacement[i] == 0.0
     at_rest = tile.velocity[i] == 0.0 and (on_upper or tile.displacement[i] == -1.0)
@@ -115,7 +115,8 @@ def settle(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[no-untyped-def]
+def begin(tile: Record, i: int, cycle: int, phase: float, displacement: float, velocity: float,
+          left: float) -> None:
     """Begin a flight in a lane from a state [1, rad, 1, 1], with the parameters in the lane."""
     # The lane parks after `left` impacts, never for inf. A parked lane goes on from its own state.
     tile.cycle[i], tile.phase[i] = cycle, phase
@@ -126,14 +127,14 @@ def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[
 
 
 @kernel
-def release(tile, i):  # type: ignore[no-untyped-def]
+def release(tile: Record, i: int) -> None:
     """Free a lane whose trajectory is done with."""
     tile.start[i] = EMPTY
     tile.left[i] = 0.0
 
 
 @kernel
-def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
+def refill(tile: Record, starts: RecordArray, following: int, left: float) -> int:
     """Put initial conditions from `following` on into free lanes; return the first left."""
     for i in range(LANES):
         if following == len(starts):
@@ -150,7 +151,7 @@ def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_busy(tile):  # type: ignore[no-untyped-def]
+def is_busy(tile: Record) -> bool:
     """Whether any lane carries a trajectory; it may have parked or ended."""
     for i in range(LANES):
         if tile.start[i] != EMPTY:
@@ -159,7 +160,7 @@ def is_busy(tile):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def floats(tile, i):  # type: ignore[no-untyped-def]
+def floats(tile: Record, i: int) -> bool:
     """Whether the drive and the rest of the free motion of a lane both end between the walls."""
     if tile.gamma[i] != 0.0:
         return False
@@ -174,7 +175,7 @@ def floats(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def attend(tile, i):  # type: ignore[no-untyped-def]
+def attend(tile: Record, i: int) -> None:
     """Do for a lane, just after `step`, what the vector loop leaves out."""
     # That is sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
     if tile.has_hit[i] != 0:
@@ -216,7 +217,7 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def advance(tile, impacts, steps):  # type: ignore[no-untyped-def]
+def advance(tile: Record, impacts: RecordArray, steps: int) -> None:
     """
     Take every lane of a tile a number of steps forward, each at most one impact.
 

@@ -1,15 +1,22 @@
 """What numba lacks for loops that LLVM is to turn into SIMD code."""
 
-from typing import Any
+from typing import Any, cast
 
 from llvmlite import ir
 import numba
 from numba import types
 import numba.extending
 
-# Both untyped in numba.
+from ..compiled import Function
+
+# Untyped in numba.
 intrinsic: Any = numba.extending.intrinsic
-inlined: Any = numba.njit(error_model='numpy', nogil=True, forceinline=True)
+
+
+def inlined(function: Function) -> Function:
+    """Compile a kernel that is inlined where it is called."""
+    return cast(Function, numba.njit(
+        error_model='numpy', nogil=True, forceinline=True)(function))
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -15,13 +15,14 @@ from .advancement import aim, close_in, is_slow, look_ahead, stop_ahead, stop_be
 from .closed_form import later, LEG
 from .elementary import relaxation_series, sine_cosine, sine_defect
 from .lanes_simd import choose, inlined, prefer_wide_vectors
+from ..arrays import Record
 from ..compiled import kernel
 from ..model import STICKING_SPEED
 
 # Lanes of a tile: its rows fit the first-level cache, with chains enough to hide latencies.
 LANES: Final = 96
 
-# Of `is_special`, or more: the lane's steps crawl.
+# In `is_special`, at least this: the lane's steps crawl.
 CRAWLING: Final = 2
 
 # One record is a tile; every field is a row of lanes. The flight of a lane began at `cycle`,
@@ -55,7 +56,7 @@ TILE: Final = np.dtype([
     ('next_displacement', np.float64, LANES), ('next_velocity', np.float64, LANES),
     ('next_sine', np.float64, LANES), ('next_cosine', np.float64, LANES),
     ('sine_half', np.float64, LANES), ('cosine_half', np.float64, LANES),
-    # Of the latest step: velocity before the impact, whether there was one, and whether the
+    # In the latest step: velocity before the impact, whether there was one, and whether the
     # lane needs the scalar path.
     ('impact_velocity', np.float64, LANES), ('has_hit', np.int64, LANES),
     ('is_special', np.int64, LANES),
@@ -66,7 +67,7 @@ TILE: Final = np.dtype([
 
 
 @inlined
-def look(t, i):  # type: ignore[no-untyped-def]
+def look(t: Record, i: int) -> None:
     """Describe the flight of lane i as seen from the wall ahead."""
     (t.towards[i], t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.behind[i], t.horizon[i],
      t.jerk_bound[i], t.snap_bound[i]) = look_ahead(
@@ -75,14 +76,14 @@ def look(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def front(t, i):  # type: ignore[no-untyped-def]
+def front(t: Record, i: int) -> None:
     """Find how far lane i can go as far as the wall ahead is concerned."""
     t.step[i] = stop_ahead(t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.horizon[i],
                            t.jerk_bound[i], t.snap_bound[i])
 
 
 @inlined
-def aim_at(t, i):  # type: ignore[no-untyped-def]
+def aim_at(t: Record, i: int) -> None:
     """Improve the time of lane i to the wall ahead."""
     t.aimed[i], t.aim_error[i], t.slowness[i], t.longest[i] = aim(
         t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.horizon[i], t.jerk_bound[i],
@@ -90,7 +91,7 @@ def aim_at(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def back(t, i):  # type: ignore[no-untyped-def]
+def back(t: Record, i: int) -> None:
     """Shorten the step of lane i where the gear may come back to the wall behind."""
     t.step[i], t.returns[i] = stop_behind(
         t.step[i], t.speed[i], t.pull[i], t.jerk[i], t.behind[i], t.jerk_bound[i],
@@ -98,7 +99,7 @@ def back(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def close(t, i):  # type: ignore[no-untyped-def]
+def close(t: Record, i: int) -> None:
     """Find the impact of lane i, or its step; none where it is parked."""
     step, towards, hits, velocity, crawls = close_in(
         t.duration[i], t.velocity_now[i], t.step[i], t.returns[i], t.aimed[i], t.aim_error[i],
@@ -114,7 +115,7 @@ def close(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def strike(t, i):  # type: ignore[no-untyped-def]
+def strike(t: Record, i: int) -> None:
     """Take lane i forward by its step, through the impact if there is one."""
     hits = t.has_hit[i] != 0
     d = t.duration[i] + t.next_step[i]
@@ -131,7 +132,7 @@ def strike(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def turn(t, i):  # type: ignore[no-untyped-def]
+def turn(t: Record, i: int) -> None:
     """Take the sine and cosine of the phase of a flight that begins, or of half its duration."""
     d = t.duration[i]
     begins = d == 0.0
@@ -143,7 +144,7 @@ def turn(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def fly(t, i):  # type: ignore[no-untyped-def]
+def fly(t: Record, i: int) -> int:
     """Evaluate the flight of lane i for ``beta d < 1``; return 1 if it needs the scalar path."""
     alpha = t.alpha[i]
     beta = t.beta[i]
@@ -180,7 +181,7 @@ def fly(t, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step(t):  # type: ignore[no-untyped-def]
+def step(t: Record) -> int:
     """Take every lane one step forward, impacts included; return how many need the scalar path."""
     prefer_wide_vectors()
     # Short loops: the processor then works on several lanes' chains of operations at once.

@@ -26,6 +26,7 @@ from .closed_form import (
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import search_impact
 from .noise import gaussian
+from ..arrays import Record, RecordArray
 from ..compiled import kernel
 from ..model import EVENT, EventArray, EventKind, Parameters, require_finite, State
 
@@ -44,7 +45,7 @@ TRAJECTORY: Final = np.dtype([
 
 
 @kernel
-def write_event(record, kind, trajectory, velocity):  # type: ignore[no-untyped-def]
+def write_event(record: Record, kind: int, trajectory: Record, velocity: float) -> None:
     """Write the record of an event, with the velocity before it, just after it was applied."""
     e, t = record, trajectory
     e.kind = kind
@@ -55,7 +56,7 @@ def write_event(record, kind, trajectory, velocity):  # type: ignore[no-untyped-
 
 
 @kernel
-def settle(trajectory):  # type: ignore[no-untyped-def]
+def settle(trajectory: Record) -> None:
     """Decide whether a trajectory rests or flies, and forget the search for its next impact."""
     t = trajectory
     t.searched, t.effort, t.wall = 0.0, 0, NO_WALL
@@ -64,7 +65,7 @@ def settle(trajectory):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def move_base(trajectory, d):  # type: ignore[no-untyped-def]
+def move_base(trajectory: Record, d: float) -> None:
     """Move the phase of a trajectory's last event forward by a time d [1]."""
     periods, phase = later(trajectory.phase, d)
     trajectory.cycle += periods
@@ -72,7 +73,7 @@ def move_base(trajectory, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
+def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> int:
     """
     Follow a trajectory to a moment (cycle, phase [rad]); return how many events were written.
 
@@ -128,7 +129,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def state_at(trajectory, cycle, phase):  # type: ignore[no-untyped-def]
+def state_at(trajectory: Record, cycle: int, phase: float) -> tuple[float, float]:
     """Return s and s' [1] at a moment (cycle, phase [rad]) before the next event."""
     t = trajectory
     if t.mode == RESTING:
@@ -154,12 +155,7 @@ class Simulation:
     noise : float
         Standard deviation of the Gaussian kick that an impact adds to the velocity [1].
     seed : int
-        Seed of the noise; every impact has its own draw.
-
-    Raises
-    ------
-    ValueError
-        If noise or seed are out of range.
+        Seed of the noise; every impact has its own draw. Out of range, both raise ValueError.
 
     Notes
     -----

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.lanes import advance, is_busy, refill, release, RUNS
 from ..flight.lanes_step import LANES
@@ -63,8 +64,9 @@ def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
 
 
 @kernel
-def last_until_captured(  # type: ignore[no-untyped-def]
-        tile, impacts, starts, points, radius, skip, wanted, limit, lifetimes, fates, ends):
+def last_until_captured(tile: Record, impacts: RecordArray, starts: RecordArray,
+                        points: FloatArray, radius: float, skip: int, wanted: int, limit: int,
+                        lifetimes: IntArray, fates: IntArray, ends: FloatArray) -> None:
     """
     Follow trajectories until `wanted` of them are captured after more than `skip` impacts.
 
@@ -124,6 +126,5 @@ def last_until_captured(  # type: ignore[no-untyped-def]
             ends[start, 2] = tile.velocity[i]
             if done:
                 release(tile, i)
-                row[i] = 0
-                made[i] = 0
+                row[i] = made[i] = 0
         following = refill(tile, starts, following, math.inf)

@@ -7,6 +7,7 @@ import numpy as np
 
 from .settling import STEPS as STEPS
 from .velocity_counts import is_stuck
+from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed
 from ..flight.elementary import length, logarithm
@@ -25,7 +26,8 @@ def largest_singular(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel
-def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-def]
+def grow(tile: Record, impacts: RecordArray, starts: RecordArray, count: int,
+         exponents: FloatArray) -> int:
     """
     Follow initial conditions for `count` impacts with their tangent; return the impacts made.
 

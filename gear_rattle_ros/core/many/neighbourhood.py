@@ -11,8 +11,7 @@ from ..flight.elementary import TWO_PI
 from ..orbits.orbit import fire, Orbit
 from ..orbits.section import turn
 
-# It is tried by starts on so many rays and shells, at most at so many points of an orbit, and
-# halved so often.
+# It is tried on rays and shells of initial conditions at some points of an orbit, and halved.
 RAYS: Final = 24
 SHELLS: Final = (1.0, 0.7, 0.4)
 POINTS_TRIED: Final = 8

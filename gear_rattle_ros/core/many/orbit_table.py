@@ -12,7 +12,7 @@ from ..flight.elementary import TWO_PI
 from ..flight.lanes import EMPTY
 from ..orbits.orbit import Orbit
 
-# Cells reach so much beyond the fastest point.
+# Cells reach beyond the fastest point by this factor.
 ROOM: Final = 1.05
 # Points are rounded to this.
 GRAIN: Final = 2.0**-33

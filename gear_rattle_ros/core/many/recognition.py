@@ -16,7 +16,8 @@ from ..orbits.section import shortest_recurrence
 
 
 @kernel
-def last_sticks(row, restitution, alpha, beta, gamma, wall):  # type: ignore[no-untyped-def]
+def last_sticks(row: RecordArray, restitution: float, alpha: float, beta: float, gamma: float,
+                wall: int) -> tuple[int, int]:
     """Return the places of the last two impacts that stick to a wall, -1 for none."""
     last = -1
     for k in range(len(row) - 1, -1, -1):

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .settling import STEPS
-from ..arrays import RecordArray
+from ..arrays import IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
 from ..flight.lanes import (
@@ -25,7 +25,8 @@ from ..model import Parameters
 
 
 @kernel
-def record(tile, impacts, starts, skip, rows, counts):  # type: ignore[no-untyped-def]
+def record(tile: Record, impacts: RecordArray, starts: RecordArray, skip: int, rows: RecordArray,
+           counts: IntArray) -> None:
     """Follow initial conditions and keep the impacts after the first `skip`, a row each."""
     # `counts` receives how many there are: fewer than the row holds where the trajectory ends.
     most = float(skip + rows.shape[1])

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import RecordArray as RecordArray
+from ..arrays import Record, RecordArray as RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
 from ..flight.elementary import sine_cosine, TWO_PI
@@ -86,7 +86,7 @@ class Table(NamedTuple):
 
 
 @kernel
-def cell_of(wall, phase, speed, greatest, cells):  # type: ignore[no-untyped-def]
+def cell_of(wall: int, phase: float, speed: float, greatest: float, cells: int) -> int:
     """Return the cell of a point [rad, 1] of the section, -1 beyond the greatest speed."""
     row = int(speed * (cells / greatest))
     if not 0 <= row < cells:
@@ -96,14 +96,15 @@ def cell_of(wall, phase, speed, greatest, cells):  # type: ignore[no-untyped-def
 
 
 @kernel
-def is_near(point, phase, velocity, flight_time, tolerance):  # type: ignore[no-untyped-def]
+def is_near(point: Record, phase: float, velocity: float, flight_time: float,
+            tolerance: float) -> bool:
     """Whether an impact is within the tolerance of a point; a flight time of nan may be any."""
     return (distance(velocity, phase, point.velocity, point.phase) <= tolerance
             and not abs(flight_time - point.flight_time) > tolerance)
 
 
 @kernel
-def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
+def is_caught(point: Record, phase: float, velocity: float) -> bool:
     """Whether an impact at a point's wall is in the neighbourhood that is mapped into itself."""
     turn = phase - point.phase
     if turn > math.pi:
@@ -116,14 +117,14 @@ def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_held(wall, phase, start):  # type: ignore[no-untyped-def]
+def is_held(wall: int, phase: float, start: Record) -> bool:
     """Whether a gear at rest on a wall is pressed against it."""
     sine, cosine = sine_cosine(phase)
     return is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma)
 
 
 @kernel
-def note_stick(w, wall, phase, start):  # type: ignore[no-untyped-def]
+def note_stick(w: Record, wall: int, phase: float, start: Record) -> None:
     """Note when the gear first sticks, and at which phase it leaves."""
     delay = release_delay(1.0 - 2.0 * wall, phase, start.alpha, start.beta, start.gamma)
     if w.stick == EMPTY and delay < math.inf:
@@ -132,7 +133,7 @@ def note_stick(w, wall, phase, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
+def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[int, int]:
     """Compare one impact with the table; return label and lifetime, EMPTY and 0 if not settled."""
     settings = table.settings[0]
     tolerance = settings.tolerance
@@ -190,7 +191,7 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def uneventful(row, first, count, restitution, table):  # type: ignore[no-untyped-def]
+def uneventful(row: RecordArray, first: int, count: int, restitution: float, table: Table) -> int:
     """Return the place of the first impact from `first` on that `watch` has to see, or `count`."""
     # Those before it are near no orbit and too fast to stick; the trajectory must be near no orbit
     # so far, and the table without chaotic attractors.
@@ -212,7 +213,7 @@ def uneventful(row, first, count, restitution, table):  # type: ignore[no-untype
 
 
 @kernel
-def finish(tile, i, result, label, lifetime, impacts):  # type: ignore[no-untyped-def]
+def finish(tile: Record, i: int, result: Record, label: int, lifetime: int, impacts: int) -> None:
     """Write the result of the trajectory in a lane, and free the lane."""
     result.label, result.lifetime, result.impacts = label, lifetime, impacts
     result.phase, result.displacement, result.velocity = (
@@ -221,7 +222,8 @@ def finish(tile, i, result, label, lifetime, impacts):  # type: ignore[no-untype
 
 
 @kernel
-def classify(tile, impacts, watches, starts, cap, table, results):  # type: ignore[no-untyped-def]
+def classify(tile: Record, impacts: RecordArray, watches: RecordArray, starts: RecordArray,
+             cap: int, table: Table, results: RecordArray) -> int:
     """
     Follow initial conditions until they settle or have made `cap` impacts; return all impacts.
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .settling import STEPS
-from ..arrays import FloatArray, RecordArray
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, rebound
 from ..flight.elementary import length, logarithm
@@ -32,16 +32,16 @@ class Counted:
 
 
 @kernel
-def is_stuck(impact, towards, tile, i):  # type: ignore[no-untyped-def]
+def is_stuck(impact: Record, towards: float, tile: Record, i: int) -> bool:
     """Whether the gear sticks at an impact of a lane; `towards` is +1 at the upper wall."""
     return rebound(impact.velocity, towards, impact.phase, tile.alpha[i], tile.beta[i],
                    tile.gamma[i], tile.restitution[i], 0.0) == 0.0
 
 
 @kernel
-def fill(  # type: ignore[no-untyped-def]
-        tile, impacts, starts, skip, keep, low, high, counts, growth, times, vectors, moments,
-        made):
+def fill(tile: Record, impacts: RecordArray, starts: RecordArray, skip: int, keep: int, low: float,
+         high: float, counts: npt.NDArray[np.uint32], growth: FloatArray, times: FloatArray,
+         vectors: FloatArray, moments: FloatArray, made: IntArray) -> None:
     """Follow trajectories and fill in the fields of `Counted` from impact `skip` on."""
     # The rest is working memory: tangent vectors, (cycle, phase) of the last impacts, impacts
     # made.
@@ -60,11 +60,9 @@ def fill(  # type: ignore[no-untyped-def]
                 continue
             for k in range(tile.count[i]):
                 one = impacts[i, k]
-                n = made[t]
-                made[t] = n + 1
+                n, made[t] = made[t], made[t] + 1
                 d = elapsed(one.cycle - np.int64(moments[t, 0]), moments[t, 1], one.phase)
-                moments[t, 0] = one.cycle
-                moments[t, 1] = one.phase
+                moments[t, 0], moments[t, 1] = one.cycle, one.phase
                 integral, decay = flight_matrix(d, tile.beta[i])
                 s11, s21, s22 = impact_matrix(
                     one.phase, one.velocity, -tile.restitution[i] * one.velocity,
@@ -78,8 +76,7 @@ def fill(  # type: ignore[no-untyped-def]
                     vectors[t] = 1.0
                 else:
                     rate = logarithm(size)
-                    vectors[t, 0] = s / size
-                    vectors[t, 1] = v / size
+                    vectors[t, 0], vectors[t, 1] = s / size, v / size
                 if n < skip:
                     continue
                 times[t] += d

@@ -2,6 +2,7 @@
 
 import math
 
+from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
 from ..flight.elementary import relaxation, sine_cosine
@@ -10,8 +11,8 @@ from ..model import STICKING_SPEED
 
 
 @kernel
-def next_impact(  # type: ignore[no-untyped-def]
-        wall, phase, velocity, alpha, beta, gamma, restitution):
+def next_impact(wall: int, phase: float, velocity: float, alpha: float, beta: float, gamma: float,
+                restitution: float) -> tuple[int, int, float, float, float]:
     """
     Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1].
 
@@ -31,8 +32,8 @@ def next_impact(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def derivatives(  # type: ignore[no-untyped-def]
-        phase, velocity, d, phase_next, velocity_next, alpha, beta, gamma, restitution):
+def derivatives(phase: float, velocity: float, d: float, phase_next: float, velocity_next: float,
+                alpha: float, beta: float, gamma: float, restitution: float) -> tuple[float, ...]:
     """
     Differentiate an impact by the phase and velocity of the one before, and by alpha.
 
@@ -61,8 +62,9 @@ def derivatives(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def shoot(  # type: ignore[no-untyped-def]
-        walls, points, alpha, beta, gamma, restitution, defects, jacobian, times):
+def shoot(walls: IntArray, points: FloatArray, alpha: float, beta: float, gamma: float,
+          restitution: float, defects: FloatArray, jacobian: FloatArray,
+          times: FloatArray) -> bool:
     """
     Map every impact of a closed sequence on; False where a flight ends at another wall.
 

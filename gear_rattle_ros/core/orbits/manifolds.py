@@ -17,17 +17,17 @@ import numpy.typing as npt
 from .impact_map import next_impact
 from .orbit import fire, Orbit
 from .section import distances
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import exp_minus, logarithm, TWO_PI
 
 # The unstable manifold is straight this far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6
-# A return is seen within so much of the saddle, across the stable manifold and along it [1].
+# A return is seen this near to the saddle, across the stable manifold and along it [1].
 ACROSS: Final = 0.03
 ALONG: Final = 0.3
-# A return counts after so many turns near the saddle: the coordinate is then exact.
+# Turns near the saddle after which a return counts: the coordinate is then exact.
 TURNS: Final = 2
 NEVER: Final = -1e9
 # Refining a maximum: samples of a bracket, the factor by which it shrinks, and how often.
@@ -95,9 +95,10 @@ def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
 
 
 @kernel
-def returns(  # type: ignore[no-untyped-def]
-        places, seed, wall, period, point, unstable, rows, expansion, impacts, alpha, beta, gamma,
-        restitution, distances, numbers):
+def returns(places: FloatArray, seed: float, wall: int, period: int, point: FloatArray,
+            unstable: FloatArray, rows: FloatArray, expansion: float, impacts: int, alpha: float,
+            beta: float, gamma: float, restitution: float, distances: FloatArray,
+            numbers: IntArray) -> None:
     """
     Map points of the unstable manifold on and find their farthest return.
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, RecordArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
 
 
 @kernel
-def distance(velocity_a, phase_a, velocity_b, phase_b):  # type: ignore[no-untyped-def]
+def distance(velocity_a: float, phase_a: float, velocity_b: float, phase_b: float) -> float:
     """Return the larger difference of phase (around the circle) and velocity [1]."""
     # It is inf at different walls: a velocity just before an impact is positive at the upper wall.
     if math.copysign(1.0, velocity_a) != math.copysign(1.0, velocity_b):
@@ -36,7 +36,7 @@ def distances(velocity_a: npt.ArrayLike, phase_a: npt.ArrayLike, velocity_b: npt
 
 
 @kernel
-def shortest_recurrence(row, longest, tolerance):  # type: ignore[no-untyped-def]
+def shortest_recurrence(row: RecordArray, longest: int, tolerance: float) -> int:
     """Return the smallest lag at which a row of IMPACT recurs to its end, 0 without one."""
     # Two lags must fit into the row, and whole drive periods, at least one, pass in each.
     m = len(row)

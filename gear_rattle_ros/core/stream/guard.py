@@ -5,7 +5,9 @@ import dataclasses
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
+from ..arrays import RecordArray
 from ..compiled import kernel
 from ..model import EventArray, EventKind
 
@@ -48,7 +50,8 @@ class Piece:
 
 
 @kernel
-def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
+def compare(last: RecordArray, events: RecordArray, jumps: npt.NDArray[np.int32],
+            follows: npt.NDArray[np.bool_]) -> None:
     """Compare every record with the one before it."""
     # `jumps` receives the impacts missing before each, negative where the numbers run backwards.
     # The record before the first needs only the fields of `GUARDED`.

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from .guard import StreamGuard
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed
 from ..flight.elementary import length, logarithm, sine_cosine
@@ -62,7 +63,7 @@ class LyapunovReport:
 
 
 @kernel
-def add(total, x):  # type: ignore[no-untyped-def]
+def add(total: FloatArray, x: float) -> None:
     """Add to a compensated sum (Neumaier 1974), a pair with what rounding has taken from it."""
     fresh = total[0] + x
     if abs(total[0]) >= abs(x):
@@ -73,7 +74,7 @@ def add(total, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def momentum(event, at):  # type: ignore[no-untyped-def]
+def momentum(event: Record, at: Record) -> float:
     """Return what gamma and the walls alone change, with the parameters of another event."""
     sine, cosine = sine_cosine(event.phase)
     return (event.velocity_after + at.beta * event.displacement
@@ -81,7 +82,7 @@ def momentum(event, at):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def has_stuck(before, event):  # type: ignore[no-untyped-def]
+def has_stuck(before: Record, event: Record) -> bool:
     """Whether the gear has been at rest on a wall from one event to the next."""
     if event.kind == RELEASE or before.kind == STICK:
         return True
@@ -91,7 +92,7 @@ def has_stuck(before, event):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def weigh(estimate, before, event, d):  # type: ignore[no-untyped-def]
+def weigh(estimate: Record, before: Record, event: Record, d: float) -> None:
     """Add the impulse of the walls from one event to the next, and what it must be."""
     add(estimate.duration, d)
     add(estimate.exact_impulse, before.gamma * d)
@@ -107,7 +108,7 @@ def weigh(estimate, before, event, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin(estimate):  # type: ignore[no-untyped-def]
+def begin(estimate: Record) -> None:
     """Begin a new average, keeping the tangent vectors and all that crosses retunes."""
     e = estimate
     e.impacts = e.sticks = e.blocks = e.in_block = 0
@@ -117,7 +118,7 @@ def begin(estimate):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def restart(estimate, event):  # type: ignore[no-untyped-def]
+def restart(estimate: Record, event: Record) -> None:
     """Begin anew at an event: what was before is not known, or does not matter."""
     begin(estimate)
     set_identity(estimate.basis)
@@ -128,14 +129,14 @@ def restart(estimate, event):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def set_identity(basis):  # type: ignore[no-untyped-def]
+def set_identity(basis: FloatArray) -> None:
     """Forget the tangent vectors."""
     basis[0] = basis[3] = 1.0
     basis[1] = basis[2] = 0.0
 
 
 @kernel
-def orthonormalise(basis):  # type: ignore[no-untyped-def]
+def orthonormalise(basis: FloatArray) -> tuple[float, float]:
     """QR-decompose two tangent vectors in place; return the diagonal of R (Gram-Schmidt)."""
     first = length(basis[0], basis[1])
     if not 0.0 < first < math.inf:
@@ -150,8 +151,8 @@ def orthonormalise(basis):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def count_impact(  # type: ignore[no-untyped-def]
-        estimate, ring, marks, growth_1, growth_2, exact):
+def count_impact(estimate: Record, ring: FloatArray, marks: IntArray, growth_1: float,
+                 growth_2: float, exact: float) -> None:
     """Enter the growth of both vectors over one impact: ln of R's diagonal, and the exact sum."""
     e = estimate
     place = e.ringed % len(ring)
@@ -183,7 +184,8 @@ def count_impact(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def follow(estimate, ring, marks, last, events):  # type: ignore[no-untyped-def]
+def follow(estimate: Record, ring: FloatArray, marks: IntArray, last: RecordArray,
+           events: RecordArray) -> None:
     """
     Carry the tangent vectors through a stretch of events without a hole.
 
@@ -254,17 +256,12 @@ class RunningLyapunov:
     Parameters
     ----------
     window : int
-        Impacts in the finite-time exponent.
+        Impacts in the finite-time exponent, positive, else ValueError.
 
     Attributes
     ----------
     guard : StreamGuard
         What was lost.
-
-    Raises
-    ------
-    ValueError
-        If the window is not positive.
 
     References
     ----------

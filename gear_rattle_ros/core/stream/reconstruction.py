@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, Record
 from ..compiled import kernel
 from ..flight.closed_form import displace, elapsed, rests
 from ..flight.elementary import sine_cosine, TWO_PI
@@ -24,7 +24,7 @@ class Motion:
 
 
 @kernel
-def rests_after(event) -> bool:  # type: ignore[no-untyped-def]
+def rests_after(event: Record) -> bool:
     """Whether the gear sticks, or was set down on a wall against which it is pressed."""
     return event.kind != RELEASE and rests(
         event.displacement, event.velocity_after, event.phase, event.alpha, event.beta,
@@ -32,7 +32,7 @@ def rests_after(event) -> bool:  # type: ignore[no-untyped-def]
 
 
 @kernel
-def state_after(event, d: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def state_after(event: Record, d: float) -> tuple[float, float]:
     """Return s and s' [1], eqs. (4)-(5), at a time d after an event and not after the next."""
     if rests_after(event):
         return event.displacement, 0.0
@@ -97,19 +97,15 @@ def rebuild(events: EventArray, step: float, periods: float = math.inf) -> Motio
     events : ndarray of EVENT, shape (n,)
         Records in order, none missing between them.
     step : float
-        Longest step between samples [1], positive; both ends of every flight are samples.
+        Longest step between samples [1], positive, else ValueError; both ends of every flight
+        are samples.
     periods : float
-        Only what begins so many drive periods before the last event's own [1].
+        Drive periods before the last event's own in which samples may begin [1].
 
     Returns
     -------
     Motion
         Samples; none for fewer than two events.
-
-    Raises
-    ------
-    ValueError
-        If `step` is not positive.
 
     """
     if not step > 0.0:

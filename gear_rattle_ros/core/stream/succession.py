@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from .guard import Hole
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, FLYING
 from ..flight.simulation import run, settle, state_at, TRAJECTORY, write_event
@@ -38,7 +39,7 @@ def same(a: float, b: float) -> bool:
 
 
 @kernel
-def depart(trajectory, event):  # type: ignore[no-untyped-def]
+def depart(trajectory: Record, event: Record) -> None:
     """Put a trajectory where a record leaves it, without noise."""
     t = trajectory
     t.index, t.epoch, t.cycle, t.phase = event.index, event.epoch, event.cycle, event.phase
@@ -51,7 +52,8 @@ def depart(trajectory, event):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-untyped-def]
+def compare_step(before: Record, event: Record, trajectory: Record, room: RecordArray,
+                 kicks: IntArray) -> int:
     """
     Rebuild in `room` the record that comes after `before`, and compare `event` with it.
 
@@ -113,7 +115,8 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
 
 
 @kernel
-def follow_steps(last, events, trajectory, room, counts, unkicked):  # type: ignore[no-untyped-def]
+def follow_steps(last: RecordArray, events: RecordArray, trajectory: Record, room: RecordArray,
+                 counts: IntArray, unkicked: FloatArray) -> tuple[int, int]:
     """
     Compare records with those before them; return how many follow, and why the next does not.
 
@@ -235,9 +238,8 @@ class Succession:
                 return Contradiction(
                     place - 1, int(wrong['index']), int(wrong['epoch']),
                     _sentence('velocity_after', wrong, mended[0]))
-        return Contradiction(
-            place, int(found['index']), int(found['epoch']),
-            _words(what, before[0], found, expected))
+        return Contradiction(place, int(found['index']), int(found['epoch']),
+                             _words(what, before[0], found, expected))
 
 
 def _words(what: int, before: Any, found: Any, expected: Any) -> str:

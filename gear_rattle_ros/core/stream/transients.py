@@ -9,7 +9,7 @@ import numpy as np
 
 from .guard import StreamGuard
 from .lyapunov import RunningLyapunov
-from ..arrays import FloatArray, RecordArray
+from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, LOWER, NO_WALL, release_delay, rests, UPPER
 from ..flight.elementary import TWO_PI
@@ -151,7 +151,7 @@ class TransientReport:
 
 
 @kernel
-def rests_permanently(event):  # type: ignore[no-untyped-def]
+def rests_permanently(event: Record) -> bool:
     """Whether the gear is, after an event, permanently at rest on a wall."""
     e = event
     towards = 1.0 if e.displacement == 0.0 else -1.0
@@ -160,7 +160,7 @@ def rests_permanently(event):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_small_step(a, b, tolerance):  # type: ignore[no-untyped-def]
+def is_small_step(a: Record, b: Record, tolerance: float) -> bool:
     """Whether no parameter of two events differs by more than the tolerance."""
     return (abs(a.alpha - b.alpha) <= tolerance and abs(a.beta - b.beta) <= tolerance
             and abs(a.gamma - b.gamma) <= tolerance
@@ -168,14 +168,14 @@ def is_small_step(a, b, tolerance):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin_transient(watch):  # type: ignore[no-untyped-def]
+def begin_transient(watch: Record) -> None:
     """Leave any orbit and count from here; what recurs goes on recurring."""
     watch.locked = watch.resting = watch.next_look = watch.quiet = watch.retunes = 0
     watch.next_report = FIRST_REPORT
 
 
 @kernel
-def restart(watch):  # type: ignore[no-untyped-def]
+def restart(watch: Record) -> None:
     """Forget all impacts."""
     begin_transient(watch)
     watch.impacts = watch.since_retune = watch.jumped = watch.kicked = 0
@@ -185,8 +185,8 @@ def restart(watch):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def watch_events(  # type: ignore[no-untyped-def]
-        watch, history, orbit, last, events, tolerance):
+def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: RecordArray,
+                 events: RecordArray, tolerance: float) -> tuple[int, int, int]:
     """
     Look at events, a stretch without a hole, until there is something to report.
 
@@ -283,7 +283,7 @@ def watch_events(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def long_recurrence(history, impacts, tolerance):  # type: ignore[no-untyped-def]
+def long_recurrence(history: RecordArray, impacts: int, tolerance: float) -> int:
     """Find the smallest lag beyond `LONGEST_ORBIT` at which impacts have long recurred, or 0."""
     kept = min(impacts - 1, HISTORY)
     for q in range(LONGEST_ORBIT + 1, min(LONGEST_SOUGHT, (kept - HOLD) // 2) + 1):
@@ -321,17 +321,12 @@ class TransientDetector:
     Parameters
     ----------
     tolerance : float
-        Largest distance from an orbit [1].
+        Largest distance from an orbit [1], between 0 and 1, else ValueError.
 
     Attributes
     ----------
     guard : StreamGuard
         What was lost.
-
-    Raises
-    ------
-    ValueError
-        If the tolerance is not between 0 and 1.
 
     """
 
