@@ -11,3 +11,5 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 RecordArray: TypeAlias = npt.NDArray[np.void]
 # One of them in a kernel: the types of numpy do not know its fields.
 Record: TypeAlias = Any
+# A whole number in a kernel, of Python or of numpy: for numba they are one.
+Whole: TypeAlias = Any

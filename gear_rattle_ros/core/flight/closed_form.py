@@ -10,6 +10,7 @@ import numpy as np
 
 from .advancement import HORIZON_MAXIMUM
 from .elementary import arctangent, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
+from ..arrays import Whole
 from ..compiled import kernel
 from ..model import STICKING_SPEED, Wall
 
@@ -158,7 +159,7 @@ def later(phase: float, d: float) -> tuple[int, float]:
 
 
 @kernel
-def elapsed(cycles: int, phase_from: float, phase_to: float) -> float:
+def elapsed(cycles: Whole, phase_from: float, phase_to: float) -> float:
     """Return the time ``2 pi cycles + phase_to - phase_from`` [1] between two moments."""
     return cycles * TWO_PI + (phase_to - phase_from)
 

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from ..arrays import Whole
 from ..compiled import kernel
 
 TWO_PI = 2.0 * math.pi
@@ -122,7 +123,7 @@ def logarithm(x: float) -> float:
     """Return ``ln x``, -inf at zero and nan below it."""
     if not 0.0 < x < math.inf:
         return x if x > 0.0 else -math.inf if x == 0.0 else math.nan
-    k = 0
+    k: Whole = 0
     if x < SMALLEST_NORMAL:
         x *= 2.0**54
         k = -54

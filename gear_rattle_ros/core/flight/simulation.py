@@ -26,7 +26,7 @@ from .closed_form import (
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import search_impact
 from .noise import gaussian
-from ..arrays import Record, RecordArray
+from ..arrays import Record, RecordArray, Whole
 from ..compiled import kernel
 from ..model import EVENT, EventArray, EventKind, Parameters, require_finite, State
 
@@ -129,7 +129,7 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
 
 
 @kernel
-def state_at(trajectory: Record, cycle: int, phase: float) -> tuple[float, float]:
+def state_at(trajectory: Record, cycle: Whole, phase: float) -> tuple[float, float]:
     """Return s and s' [1] at a moment (cycle, phase [rad]) before the next event."""
     t = trajectory
     if t.mode == RESTING:

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Record, RecordArray as RecordArray
+from ..arrays import Record, RecordArray as RecordArray, Whole
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
 from ..flight.elementary import sine_cosine, TWO_PI
@@ -133,7 +133,7 @@ def note_stick(w: Record, wall: int, phase: float, start: Record) -> None:
 
 
 @kernel
-def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[int, int]:
+def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole, int]:
     """Compare one impact with the table; return label and lifetime, EMPTY and 0 if not settled."""
     settings = table.settings[0]
     tolerance = settings.tolerance
