@@ -20,7 +20,7 @@ import numpy as np
 from gear_rattle_ros.core.flight.advancement import PATIENCE, PATIENCE_RATE
 from gear_rattle_ros.core.flight.closed_form import displace, LEG
 from gear_rattle_ros.core.flight.elementary import TWO_PI
-from gear_rattle_ros.core.flight.first_impact import HALVINGS, search_impact, STRETCH
+from gear_rattle_ros.core.flight.first_impact import HALVINGS, search_impact
 
 # Evaluations in excess of 4 d that no hunt has found.
 EMPIRICAL: Final = 250
@@ -30,7 +30,7 @@ NAMES: Final = ('phase', 'displacement', 'velocity', 'alpha', 'beta', 'gamma')
 def proved_bound(d: float) -> int:
     """Return how many evaluations a search up to a time takes at the most: doc/steps.md."""
     slow = math.floor(d / math.pi) + 3
-    return math.floor(PATIENCE + PATIENCE_RATE * d) + 1 + slow * (1 + STRETCH) + HALVINGS
+    return math.floor(PATIENCE + PATIENCE_RATE * d) + 1 + slow * (HALVINGS + 3) + HALVINGS
 
 
 @numba.njit

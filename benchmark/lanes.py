@@ -20,9 +20,9 @@ import time
 
 import numpy as np
 
+from gear_rattle_ros.core.arrays import RecordArray
 from gear_rattle_ros.core.flight.lanes import (
     advance,
-    LaneArray,
     new_impacts,
     new_tiles,
     NO_IMPACTS,
@@ -46,7 +46,7 @@ NO_AVX2 = '+sse4.2'
 Turn = Callable[[], None]
 
 
-def filled_tiles(alpha: float) -> LaneArray:
+def filled_tiles(alpha: float) -> RecordArray:
     """Return a tile with the paper's parameters whose trajectories have been going for a while."""
     random = np.random.default_rng(1)
     starts = np.zeros(LANES, START)
@@ -60,7 +60,7 @@ def filled_tiles(alpha: float) -> LaneArray:
     return tiles
 
 
-def best_rates(turns: dict[str, tuple[Turn, LaneArray]]) -> dict[str, float]:
+def best_rates(turns: dict[str, tuple[Turn, RecordArray]]) -> dict[str, float]:
     """Let all take turns and return the best impacts per second of each."""
     best = dict.fromkeys(turns, 0.0)
     for _ in range(TURNS):
@@ -83,14 +83,14 @@ def built_peer(compiler: str, folder: str, *flags: str) -> ctypes.CDLL:
     return peer
 
 
-def kernel_turns(tiles: LaneArray, impacts: LaneArray) -> tuple[Turn, LaneArray]:
+def kernel_turns(tiles: RecordArray, impacts: RecordArray) -> tuple[Turn, RecordArray]:
     """Return a turn of the numba kernel."""
     tile = tiles[0]
     advance(tile, impacts, STEPS)
     return lambda: advance(tile, impacts, STEPS), tiles
 
 
-def peer_turns(tiles: LaneArray, peer: ctypes.CDLL) -> tuple[Turn, LaneArray]:
+def peer_turns(tiles: RecordArray, peer: ctypes.CDLL) -> tuple[Turn, RecordArray]:
     """Return a turn of the C kernel."""
     address = tiles.ctypes.data
     return lambda: peer.take_steps(address, STEPS), tiles

@@ -74,7 +74,7 @@ def test_chaotic_scenes_are_chaotic_for_as_long_as_they_last(name: str) -> None:
     # Fewer than four impacts are made in a drive period here.
     detector, running = follow(name, int(4 * scene.seconds * scene.steps[0].parameters['rate']))
     assert detector.report.regime is Regime.TRANSIENT
-    report = running.report()
+    report = running.report
     assert report.lambda_1 > 10.0 * report.lambda_1_error > 0.0
 
 

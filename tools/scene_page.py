@@ -70,8 +70,8 @@ def play(scene: Scene) -> list[Stretch]:
             running.update(piece)
             total += impact_count(piece)
             impacts.append(total)
-            exponents.append(running.report().lambda_1_finite)
-        report = running.report()
+            exponents.append(running.report.lambda_1_finite)
+        report = running.report
         stretches.append(Stretch(step, events, detector.report.describe(), tuple(impacts),
                                  tuple(exponents), report.lambda_1, report.lambda_1_error))
     return stretches

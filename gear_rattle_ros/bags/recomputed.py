@@ -108,7 +108,7 @@ class Exponents(Recomputed):
             fresh.update(events)
             self._candidates = [*self._candidates, fresh][-_CANDIDATES:]
         self._running.update(events)
-        self._weigh(self._running.report(), last)
+        self._weigh(self._running.report, last)
         self._stretch.take(events)
         for report in self._pending.pop((stamp, int(last['epoch']), int(last['index'])), ()):
             self._compare(report)
@@ -127,13 +127,13 @@ class Exponents(Recomputed):
                 f'{now.impulse_balance!r}, expected {now.exact_impulse_balance!r}')
 
     def _compare(self, report: Named) -> None:
-        expected = lyapunov_values(self._running.report())
+        expected = lyapunov_values(self._running.report)
         wrong = _difference(report.values, expected)
         within = {name: value for name, value in expected.items() if name not in CROSSING}
         is_found = not wrong or (
             not self._stretch.is_whole and not _difference(report.values, within))
         for candidate in [] if is_found else self._candidates:
-            if not _difference(report.values, lyapunov_values(candidate.report())):
+            if not _difference(report.values, lyapunov_values(candidate.report)):
                 self._running, is_found = candidate, True
                 break
         if is_found:

@@ -1,1 +1,13 @@
-"""The model and its analysis: numpy and numba only, no ROS, no files, no pictures."""
+"""
+The model and its analysis: numpy and numba only, no ROS, no files, no pictures.
+
+Notation, here and in every room, as in de Souza & Caldas (2001); [1] marks a number without unit:
+
+* ``tau`` is the dimensionless time, one drive period is ``2 pi`` of it; ``phase = tau mod 2 pi``
+  [rad]; ``d`` is a time since take-off [1], ``p`` or ``sin_p``, ``cos_p`` the phase there.
+* ``s`` is the displacement of the driven gear in units of the backlash [1], from -1 (lower wall)
+  to 0 (upper wall); ``v = s'`` its velocity [1]; ``a(tau, v)`` its acceleration in flight [1].
+* ``alpha``, ``beta``, ``gamma`` and ``r`` are drive, damping, load and restitution [1].
+* ``v-`` and ``v+`` are the velocities just before and just after an impact; "velocity" of an
+  impact is ``v-``. A trajectory grows in impacts: lifetimes and exponents are per impact.
+"""

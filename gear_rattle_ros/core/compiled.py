@@ -15,13 +15,9 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 
 @functools.cache
 def cache_directory() -> Path:
-    """
-    Return the folder of compiled kernels, a temporary one where none can be written.
-
-    It is below ``NUMBA_CACHE_DIR``, else ``XDG_CACHE_HOME``, else ``~/.cache``. numba notices a
-    change of the file a kernel stands in, but not of the kernels it calls from other files, so the
-    folder is named by the contents of the whole of ``core``.
-    """
+    """Return the folder of compiled kernels, a temporary one where none can be written."""
+    # numba notices a change of the file a kernel stands in, but not of the kernels that it calls
+    # from other files: so the contents of the whole of ``core`` name the folder.
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.rglob('*.py')):
         digest.update(source.read_bytes())
@@ -40,8 +36,8 @@ def kernel(function: Function) -> Function:
     """
     Compile scalar numeric code with numba, cached on disk; it releases the GIL.
 
-    No fused multiply-add and no reordering is allowed, so the same input gives the same bits on
-    every machine that rounds as IEEE 754 says. Division by zero gives what numpy gives.
+    Without fused multiply-add and reordering, the same input gives the same bits on every machine
+    that rounds as IEEE 754 says. Division by zero gives what numpy gives.
     """
     # The folder is looked up when the function is decorated; other packages keep their own.
     config: Any = numba.config

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-# After an impact on a pressed wall, slower than this the mass sticks [1].
+# After an impact on a pressed wall, slower than this the driven gear sticks [1].
 STICKING_SPEED: Final = 1e-10
 
 # Largest magnitudes accepted [1]; far beyond any gear, well inside float64.
@@ -32,7 +32,7 @@ class Wall(enum.IntEnum):
 
     @property
     def label(self) -> str:
-        """Its name in words."""
+        """Return its name in words."""
         return self.name.lower()
 
 
@@ -46,51 +46,22 @@ class EventKind(enum.IntEnum):
     RESET = 4
 
 
-EVENT: Final = np.dtype(
-    [
-        ('kind', np.uint32),
-        ('index', np.uint32),
-        ('epoch', np.uint32),
-        ('cycle', np.uint32),
-        ('phase', np.float64),
-        ('displacement', np.float64),
-        ('velocity', np.float64),
-        ('velocity_after', np.float64),
-        ('alpha', np.float64),
-        ('beta', np.float64),
-        ('gamma', np.float64),
-        ('restitution', np.float64),
-    ],
-    align=True,
-)
+#: One record of the stream: `EventKind`; impacts, epochs (retunes and resets) and completed drive
+#: periods so far, all modulo 2^32; drive phase [rad]; displacement [1]; velocity [1] just before
+#: and just after the event; the parameters in force after it.
+EVENT: Final = np.dtype([
+    ('kind', np.uint32), ('index', np.uint32), ('epoch', np.uint32), ('cycle', np.uint32),
+    ('phase', np.float64), ('displacement', np.float64),
+    ('velocity', np.float64), ('velocity_after', np.float64),
+    ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
+    ('restitution', np.float64),
+], align=True)
 
 EventArray: TypeAlias = npt.NDArray[np.void]
 
 
 def require_finite(name: str, value: float, low: float, high: float) -> float:
-    """
-    Return a number as a float, or refuse it.
-
-    Parameters
-    ----------
-    name : str
-        What the number is, for the message.
-    value : float
-        The number [1].
-    low, high : float
-        Closed range it must lie in [1].
-
-    Returns
-    -------
-    float
-        The number.
-
-    Raises
-    ------
-    ValueError
-        If it is no number, not finite, or outside the range.
-
-    """
+    """Return a number as a float; ValueError, with its name, if it is not one in [low, high]."""
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -131,25 +102,15 @@ class Parameters:
     def __post_init__(self) -> None:
         """Validate and convert every field to float."""
         for name, low, high in (
-            ('alpha', 0.0, ALPHA_MAXIMUM),
-            ('beta', 0.0, BETA_MAXIMUM),
-            ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM),
-            ('restitution', 0.0, 1.0),
+            ('alpha', 0.0, ALPHA_MAXIMUM), ('beta', 0.0, BETA_MAXIMUM),
+            ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM), ('restitution', 0.0, 1.0),
         ):
             object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
 
     @classmethod
     def from_physical(
-        cls,
-        *,
-        inertia: float,
-        damping: float,
-        torque: float,
-        drive_amplitude: float,
-        drive_frequency: float,
-        driver_radius: float,
-        driven_radius: float,
-        backlash: float,
+        cls, *, inertia: float, damping: float, torque: float, drive_amplitude: float,
+        drive_frequency: float, driver_radius: float, driven_radius: float, backlash: float,
         restitution: float,
     ) -> 'Parameters':
         """
@@ -179,19 +140,12 @@ class Parameters:
         model : Parameters
             ``alpha = A R_e/nu``, ``beta = d/(m omega)``, ``gamma = T R/(m nu omega^2)``: the
             paper's definitions below eq. (2), with the nu that makes gamma dimensionless.
-
-        Raises
-        ------
-        ValueError
-            If a quantity that must be positive is not, or a result is out of range.
+            ValueError if a quantity that must be positive is not, or a result is out of range.
 
         """
         for name, value in (
-            ('inertia', inertia),
-            ('drive_frequency', drive_frequency),
-            ('driver_radius', driver_radius),
-            ('driven_radius', driven_radius),
-            ('backlash', backlash),
+            ('inertia', inertia), ('drive_frequency', drive_frequency), ('backlash', backlash),
+            ('driver_radius', driver_radius), ('driven_radius', driven_radius),
         ):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name} = {value!r} must be positive')
@@ -237,26 +191,12 @@ class State:
             raise ValueError(f'cycle = {self.cycle!r} is not a whole number from 0 on')
         below_two_pi = math.nextafter(2.0 * math.pi, 0.0)
         for name, low, high in (
-            ('phase', 0.0, below_two_pi),
-            ('displacement', -1.0, 0.0),
+            ('phase', 0.0, below_two_pi), ('displacement', -1.0, 0.0),
             ('velocity', -math.inf, math.inf),
         ):
             object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
 
 
 def impact_count(events: EventArray) -> int:
-    """
-    Count the impacts in an array of EVENT; one that sticks is an impact too.
-
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        The records.
-
-    Returns
-    -------
-    int
-        How many are impacts.
-
-    """
+    """Count the impacts in an array of EVENT; one that sticks is an impact too."""
     return int(np.count_nonzero(events['kind'] <= EventKind.STICK))

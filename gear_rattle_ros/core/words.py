@@ -4,22 +4,7 @@ from collections.abc import Sequence
 
 
 def counted(count: float, noun: str) -> str:
-    """
-    Put a count in words.
-
-    Parameters
-    ----------
-    count : float
-        Not negative; it is rounded.
-    noun : str
-        What is counted, one of it.
-
-    Returns
-    -------
-    str
-        Such as '1 drive period', '2 trajectories' or '1,234 impacts'.
-
-    """
+    """Put a count, rounded, in words: '1 drive period', '2 trajectories' or '1,234 impacts'."""
     number = round(count)
     if number != 1 and noun[-1] == 'y':
         noun = f'{noun[:-1]}ies'
@@ -29,22 +14,7 @@ def counted(count: float, noun: str) -> str:
 
 
 def in_columns(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """
-    Lay out a table in plain text.
-
-    Parameters
-    ----------
-    headings : sequence of str
-        Of the columns; one that begins with a space is that of numbers, aligned to the right.
-    rows : sequence of sequence of str
-        A text for each column.
-
-    Returns
-    -------
-    str
-        Lines without spaces at their ends.
-
-    """
+    """Lay out a plain text table; a heading that begins with a space aligns its column right."""
     table = [[heading.strip() for heading in headings], *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return '\n'.join('  '.join(

@@ -51,4 +51,4 @@ def follow(parameters: Parameters, phase: float, displacement: float, velocity: 
     return Trajectory(
         state, np.asarray(since), motion.displacement, impacts['phase'].astype(np.float64),
         impacts['velocity'].astype(np.float64), int(np.sum(impacts['kind'] == EventKind.STICK)),
-        simulation.is_resting_for_ever)
+        simulation.is_permanently_at_rest)

@@ -123,7 +123,7 @@ class Digest:
 
     def _follow(self, events: EventArray, place: Place) -> None:
         self._lyapunov.update(events)
-        now = self._lyapunov.report()
+        now = self._lyapunov.report
         self.infinite = infinite_in_words(lyapunov_values(now))
         if now.impacts:
             impact = int(impact_numbers(events[-1:], place)[0])

@@ -42,7 +42,7 @@ class Lyapunov(ReportingNode):
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         """Return the estimate and what was lost."""
-        now = dataclasses.asdict(self._running.report())
+        now = dataclasses.asdict(self._running.report)
         level, message, values = self._input.report()
         return level, message, {**values, **now, 'infinite': infinite_in_words(now) or 'none'}
 
@@ -53,7 +53,7 @@ class Lyapunov(ReportingNode):
         self._publisher.wait_for_all_acked(Duration(seconds=LAST_ESTIMATE))
 
     def _publish(self) -> None:
-        now = self._running.report()
+        now = self._running.report
         if now.index == 0 and now.impacts == 0 or now == self._published:
             return
         self._published = now

@@ -96,7 +96,7 @@ class Simulator(ReportingNode):
             level, message = 'warn', f'waiting {now - waiting:.0f} s for a reader'
         elif self._rate > 0.0 and self._by_clock.lag > 0.0:
             level, message = 'warn', 'slower than the requested rate'
-        elif self._simulation.is_resting_for_ever:
+        elif self._simulation.is_permanently_at_rest:
             message = 'permanently at rest on a wall'
         return level, message, {
             'impacts': impacts, 'impacts_per_second': (impacts - before) / (now - since),

@@ -54,7 +54,7 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
     work, plane = Work(**options), plane or Plane()
     identity = identity_of(NAME, parameters, plane, tolerance=tolerance, hold=hold,
                            initial_conditions=initial_conditions, seed=seed)
-    store = work.open(Layout((), (), identity, {'title': TITLE}))
+    store = work.begin(Layout((), (), identity, {'title': TITLE}))
     catalogue = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed),
         tolerance=tolerance, hold=hold, threads=work.threads, cluster=work.cluster)

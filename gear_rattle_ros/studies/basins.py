@@ -91,7 +91,7 @@ def compute_basins(parameters: Parameters, plane: Plane, work: Work, settings: S
     del others['tile']
     identity = identity_of(name, parameters, plane, **others,
                            size=[plane.phases, plane.velocities])
-    store = work.open(grid_layout(plane, identity, title, settings.cap, settings.tile))
+    store = work.begin(grid_layout(plane, identity, title, settings.cap, settings.tile))
     catalogue = find_attractors(
         parameters, plane.draw(
             parameters, settings.initial_conditions, settings.seed),

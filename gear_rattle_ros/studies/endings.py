@@ -106,7 +106,7 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
     """Make states of many trajectories from one; in chaos they diverge."""
     phase, displacement, velocity = state
     return make_initial_conditions(parameters, phase, displacement,
-                       velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
+                                   velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
 
 
 def watch(parameters: Parameters, states: RecordArray, hold: int,

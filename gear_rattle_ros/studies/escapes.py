@@ -138,7 +138,7 @@ def rates_of(lifetimes_of: IntArray, fates_of: IntArray, skip: int) -> list[Esca
 
 def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:
     """Time the escapes and return the complete store."""
-    store = work.open(layout_of(escapes, tangency))
+    store = work.begin(layout_of(escapes, tangency))
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
     distances = np.abs(np.array(escapes.alphas) - tangency.alpha)
     weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)

@@ -71,7 +71,7 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
     work, plane = Work(**options), plane or Plane()
     if work.cluster:
         raise ValueError('--cluster: exponents run on the threads of this machine only')
-    store = work.open(Layout(
+    store = work.begin(Layout(
         (Axis('velocity', plane.velocity_values(),
               {'long_name': 'initial velocity', 'units': '1'}, EDGE),
          Axis('phase', plane.phase_values(),

@@ -77,7 +77,7 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
 
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
     """Compute a diagram into a store."""
-    store = work.open(layout_of(diagram))
+    store = work.begin(layout_of(diagram))
     pending = store.pending()
     fill = functools.partial(fill_tile, diagram, store.path)
     settings: dict[str, Any] = {'cluster': work.cluster, 'threads': work.threads}

@@ -60,7 +60,7 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
         raise ValueError(f'velocity window {bin_window[0]:g} to {bin_window[1]:g} is empty or '
                          'reversed; give the lower end first')
     work, plane = Work(**options), plane or Plane()
-    store = work.open(_layout({
+    store = work.begin(_layout({
         'tool': NAME, **dataclasses.asdict(parameters), 'trajectories': trajectories,
         'seed': seed, 'displacement': plane.displacement, 'phase_window': list(plane.phase),
         'initial_velocity_window': list(plane.velocity), 'impacts_skipped': skip,

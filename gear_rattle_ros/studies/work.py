@@ -51,7 +51,7 @@ class Work:
     command: str = ''
     progress: bool | None = None
 
-    def open(self, layout: Layout) -> Store:
+    def begin(self, layout: Layout) -> Store:
         """Make the store, or open the one to go on with; StoreError where neither can be."""
         return make_store(None if self.store is None else Path(self.store), layout, self.command,
                           resume=self.resume)

@@ -52,7 +52,7 @@ class Log:
             self.put('/impacts', cloud_from_events(events, stamp))
         if estimate:
             self.running.update(events)
-            values = lyapunov_values(self.running.report())
+            values = lyapunov_values(self.running.report)
             if bend:
                 bend(values)
             self.put('/lyapunov', named_values(values, stamp))

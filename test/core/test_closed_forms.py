@@ -114,7 +114,7 @@ def test_chatter_under_the_load_alone_ends_at_a_known_time(
     """Without drive and drag the mass is stuck at 2 v/(gamma (1 - r)), and rests for ever."""
     simulation = Simulation(Parameters(0.0, 0.0, 0.1, restitution), State(0, 0.0, 0.0, -velocity))
     events = simulation.advance(FAR, 0.0, 10_000)
-    assert events['kind'][-1] == EventKind.STICK and simulation.is_resting_for_ever
+    assert events['kind'][-1] == EventKind.STICK and simulation.is_permanently_at_rest
     stuck = events['cycle'][-1] * TWO_PI + events['phase'][-1]
     # It sticks when it is slower than 1e-10.
     assert stuck == pytest.approx(2.0 * velocity / (0.1 * (1.0 - restitution)), abs=1e-7)

@@ -105,7 +105,7 @@ def test_exponents_of_orbits_with_complex_multipliers(
     assert (report.period_impacts, report.period_drive) == (impacts, 1)
     running = RunningLyapunov()
     running.update(events[:2999 // impacts * impacts + 1])
-    found = running.report()
+    found = running.report
     # A bounded end term is left in the means, not in their sum over whole orbits.
     assert found.lambda_1 == pytest.approx(exponent, abs=2e-3)
     assert found.lambda_2 == pytest.approx(exponent, abs=2e-3)
@@ -135,7 +135,7 @@ def test_sum_of_the_exponents(alpha: float, beta: float, gamma: float, restituti
         return
     running = RunningLyapunov()
     running.update(events)
-    found = running.report()
+    found = running.report
     mean = (times(events[-1:])[0] - times(events[:1])[0]) / (len(events) - 1)
     expected = 2.0 * math.log(restitution) - beta * mean
     assert found.exact_sum == pytest.approx(expected, abs=1e-12)

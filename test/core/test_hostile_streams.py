@@ -183,8 +183,8 @@ def test_no_exponent_over_a_hole(batches: list[EventArray]) -> None:
         running.update(batch)
     tail = since_last_break(batches)
     fresh.update(tail)
-    report = running.report()
-    assert repr(report) == repr(fresh.report())
+    report = running.report
+    assert repr(report) == repr(fresh.report)
     begun = [i for i, kind in enumerate(tail['kind']) if i and kind in BEGINS]
     counted = tail[(begun[-1] if begun else 0) + 1:]
     assert report.impacts == np.count_nonzero(np.isin(counted['kind'], COUNTED))
@@ -203,7 +203,7 @@ def test_exponents_agree_with_plain_matrices(batches: list[EventArray]) -> None:
     assume((np.diff(tail['cycle'].astype(np.int64)) % 2**32).max(initial=0) < 5)
     assume((tail['velocity'][1:][tail['kind'][1:] == EventKind.IMPACT] != 0.0).all())
     count, *numbers = exponents(tail)
-    report = running.report()
+    report = running.report
     assert report.impacts == count
     assert [report.lambda_1, report.lambda_2, report.exact_sum] == pytest.approx(
         numbers, rel=1e-6, abs=1e-6, nan_ok=True)
@@ -219,9 +219,9 @@ def test_an_absurd_velocity_spoils_its_epoch_only(velocity: float, after: float)
     hit = int(np.flatnonzero(events['kind'] == EventKind.IMPACT)[20])
     events['velocity'][hit], events['velocity_after'][hit] = velocity, after
     spoilt.update(events[:120])
-    assert spoilt.report().impacts == whole.report().impacts > 40
-    assert spoilt.report().lambda_1 == pytest.approx(whole.report().lambda_1, abs=0.2)
-    assert spoilt.report().exact_sum == whole.report().exact_sum
+    assert spoilt.report.impacts == whole.report.impacts > 40
+    assert spoilt.report.lambda_1 == pytest.approx(whole.report.lambda_1, abs=0.2)
+    assert spoilt.report.exact_sum == whole.report.exact_sum
 
 
 @settings(max_examples=60, deadline=None)

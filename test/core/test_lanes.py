@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pytest
 from reference import DIGITS, Flight
 
+from gear_rattle_ros.core.arrays import RecordArray
 from gear_rattle_ros.core.flight import lanes_step
 from gear_rattle_ros.core.flight.closed_form import displace
 from gear_rattle_ros.core.flight.elementary import sine_cosine, TWO_PI
@@ -21,7 +22,6 @@ from gear_rattle_ros.core.flight.lanes import (
     FLOATS,
     IMPACT,
     is_busy,
-    LaneArray,
     new_impacts,
     new_tiles,
     NO_IMPACTS,
@@ -39,7 +39,7 @@ STEPS = 40
 
 
 def same_starts(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: float = 0.1,
-                restitution: float = 0.9) -> LaneArray:
+                restitution: float = 0.9) -> RecordArray:
     """Return starts on the upper wall and between the walls, all with the same parameters."""
     random = np.random.default_rng(seed)
     starts = np.zeros(count, START)
@@ -52,7 +52,7 @@ def same_starts(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: f
     return starts
 
 
-def mixed_starts(count: int, seed: int) -> LaneArray:
+def mixed_starts(count: int, seed: int) -> RecordArray:
     """Return starts everywhere, with parameters of their own and all special values of them."""
     random = np.random.default_rng(seed)
     starts = same_starts(count, seed, 1.0)
@@ -68,11 +68,11 @@ def mixed_starts(count: int, seed: int) -> LaneArray:
     return starts
 
 
-def follow(starts: LaneArray, count: int, steps: int = STEPS,
-           longest: int = 10**6) -> tuple[list[LaneArray], npt.NDArray[np.int64]]:
+def follow(starts: RecordArray, count: int, steps: int = STEPS,
+           longest: int = 10**6) -> tuple[list[RecordArray], npt.NDArray[np.int64]]:
     """Return the first `count` impacts of every start, and why it ended, through one tile."""
     tile, impacts = new_tiles(1)[0], new_impacts(steps)
-    pieces: list[list[LaneArray]] = [[] for _ in starts]
+    pieces: list[list[RecordArray]] = [[] for _ in starts]
     ends = np.full(len(starts), -1)
     following = refill(tile, starts, 0, float(count))
     while is_busy(tile):
@@ -128,7 +128,7 @@ def test_chatter_sticking_and_release_as_the_simulation(
             State(0, start['phase'], start['displacement'], start['velocity']))
         events = simulation.advance(10**4, 0.0, 4 * count)
         hits = events[(events['kind'] == EventKind.IMPACT) | (events['kind'] == EventKind.STICK)]
-        rests = simulation.is_resting_for_ever and len(hits) < count
+        rests = simulation.is_permanently_at_rest and len(hits) < count
         assert end == (RESTS if rests else RUNS)
         assert len(found) == min(count, len(hits))
         hits = hits[:len(found)]
@@ -248,7 +248,7 @@ def test_parked_lanes_go_on() -> None:
     whole, _ = follow(starts, 20)
     tile, impacts = new_tiles(1)[0], new_impacts(STEPS)
     refill(tile, starts, 0, 0.0)
-    pieces: list[list[LaneArray]] = [[] for _ in starts]
+    pieces: list[list[RecordArray]] = [[] for _ in starts]
     for part in (7, 13):
         for i in range(LANES):
             if tile['end'][i] == RUNS:

@@ -34,7 +34,7 @@ STORY = whole_story()
 
 def fields(running: RunningLyapunov) -> str:
     """Return everything reported, to the last bit."""
-    return repr(running.report())
+    return repr(running.report)
 
 
 def slow_ramp(alpha: float, step: float, periods: int, start: State, noise: float = 0.0
@@ -101,7 +101,7 @@ def test_largest_exponent_is_that_of_equation_9(alpha: float) -> None:
     events = simulation.advance(FAR, 0.0, 5001)
     running = RunningLyapunov(window=2000)
     running.update(events)
-    report = running.report()
+    report = running.report
     growths = growth_by_equation_9(events)
     assert report.impacts == 5000
     # log(1/v) and the angle between two coordinates at either end.
@@ -115,13 +115,13 @@ def test_finite_window_is_the_mean_of_the_last_impacts() -> None:
     events = Simulation(Parameters(1.2), State(0, 0.3, -0.5, 0.4)).advance(FAR, 0.0, 1501)
     running = RunningLyapunov(window=300)
     running.update(events[:300])
-    assert math.isnan(running.report().lambda_1_finite)
+    assert math.isnan(running.report.lambda_1_finite)
     running.update(events[300:301])
-    assert running.report().lambda_1_finite == pytest.approx(running.report().lambda_1, rel=1e-13)
+    assert running.report.lambda_1_finite == pytest.approx(running.report.lambda_1, rel=1e-13)
     running.update(events[301:1201])
-    before = running.report()
+    before = running.report
     running.update(events[1201:])
-    after = running.report()
+    after = running.report
     assert after.impacts == 1500
     assert after.lambda_1_finite == pytest.approx(
         (1500 * after.lambda_1 - 1200 * before.lambda_1) / 300, rel=1e-11)
@@ -135,7 +135,7 @@ def test_exponents_without_any_force(beta: float, restitution: float) -> None:
     events = simulation.advance(FAR, 0.0, count + 1)
     running = RunningLyapunov()
     running.update(events)
-    report = running.report()
+    report = running.report
     # Here the product of matrices is small enough to be multiplied out.
     product = np.eye(2)
     for before, after in zip(events[:-1], events[1:], strict=True):
@@ -163,7 +163,7 @@ def test_stated_errors_are_those_of_many_runs() -> None:
         simulation.advance(FAR, 0.0, 300)
         running = RunningLyapunov()
         running.update(simulation.advance(FAR, 0.0, 20001))
-        reports.append(running.report())
+        reports.append(running.report)
     for name in ('lambda_1', 'lambda_2'):
         scatter = float(np.std([getattr(report, name) for report in reports], ddof=1))
         stated = float(np.mean([getattr(report, f'{name}_error') for report in reports]))
@@ -173,12 +173,12 @@ def test_stated_errors_are_those_of_many_runs() -> None:
 def test_errors_need_blocks_enough() -> None:
     """With too few impacts there is no error, with none no exponent either."""
     running = RunningLyapunov()
-    assert math.isnan(running.report().lambda_1)
+    assert math.isnan(running.report.lambda_1)
     events = Simulation(Parameters(1.2), State(0, 0.3, -0.5, 0.4)).advance(FAR, 0.0, 5000)
     running.update(events[:50])
-    assert math.isnan(running.report().lambda_1_error)
+    assert math.isnan(running.report.lambda_1_error)
     running.update(events[50:])
-    assert 0.0 < running.report().lambda_1_error < 0.1
+    assert 0.0 < running.report.lambda_1_error < 0.1
 
 
 def test_a_retune_or_reset_starts_a_new_average() -> None:
@@ -186,26 +186,26 @@ def test_a_retune_or_reset_starts_a_new_average() -> None:
     simulation = Simulation(Parameters(0.57), State(0, 0.3, -0.5, 0.4))
     running = RunningLyapunov()
     running.update(simulation.advance(FAR, 0.0, 1001))
-    assert (running.report().impacts, running.report().epoch) == (1000, 0)
+    assert (running.report.impacts, running.report.epoch) == (1000, 0)
     running.update(simulation.advance(simulation.state.cycle + 1, 0.0, 100))
     record = simulation.retune(Parameters(1.2))
     running.update(record)
-    assert (running.report().impacts, running.report().epoch) == (0, 1)
-    assert math.isnan(running.report().lambda_1)
+    assert (running.report.impacts, running.report.epoch) == (0, 1)
+    assert math.isnan(running.report.lambda_1)
     after = simulation.advance(FAR, 0.0, 3000)
     running.update(after)
-    assert (running.report().impacts, running.report().epoch) == (3000, 1)
+    assert (running.report.impacts, running.report.epoch) == (3000, 1)
     # Time is counted from the retune in mid-flight, not from the impact before it.
     tau = [float(e['cycle'] * TWO_PI + e['phase']) for e in (record[0], after[-1])]
     mean = (tau[1] - tau[0]) / 3000
-    assert running.report().mean_flight_time == pytest.approx(mean, rel=1e-12)
-    assert running.report().exact_sum == pytest.approx(
+    assert running.report.mean_flight_time == pytest.approx(mean, rel=1e-12)
+    assert running.report.exact_sum == pytest.approx(
         2.0 * math.log(0.9) - 0.1 * mean, abs=1e-12)
     late = RunningLyapunov()
     late.update(after)
     # A late joiner knows another beginning of the same average.
-    assert late.report().impacts == 2999
-    assert late.report().lambda_1 == pytest.approx(running.report().lambda_1, abs=10.0 / 3000)
+    assert late.report.impacts == 2999
+    assert late.report.lambda_1 == pytest.approx(running.report.lambda_1, abs=10.0 / 3000)
 
 
 def test_nothing_is_computed_across_a_hole() -> None:
@@ -226,18 +226,18 @@ def test_sticking_is_superstable() -> None:
     stick = int(np.flatnonzero(events['kind'] == EventKind.STICK)[-1])
     running = RunningLyapunov(window=20)
     running.update(events[:stick + 1])
-    report = running.report()
+    report = running.report
     assert report.lambda_1 == report.lambda_2 == -math.inf
     assert report.exponent_sum == report.exact_sum == -math.inf
     assert report.lambda_1_finite == -math.inf
     running.update(events[stick + 1:])
-    assert running.report().lambda_1 == -math.inf
+    assert running.report.lambda_1 == -math.inf
     assert impact_count(events[stick + 1:]) >= 20
     # Of the last impacts alone none has stuck: a joiner at the release sees the same.
     late = RunningLyapunov(window=20)
     late.update(events[stick + 1:])
-    assert running.report().lambda_1_finite == late.report().lambda_1_finite
-    assert math.isfinite(late.report().lambda_1_finite)
+    assert running.report.lambda_1_finite == late.report.lambda_1_finite
+    assert math.isfinite(late.report.lambda_1_finite)
 
 
 def test_no_restitution_has_one_exponent_only() -> None:
@@ -247,8 +247,8 @@ def test_no_restitution_has_one_exponent_only() -> None:
     first_stick = int(np.argmax(events['kind'] == EventKind.STICK))
     running = RunningLyapunov()
     running.update(events[:first_stick])
-    if running.report().impacts:
-        assert running.report().lambda_2 == running.report().exact_sum == -math.inf
+    if running.report.impacts:
+        assert running.report.lambda_2 == running.report.exact_sum == -math.inf
 
 
 def test_kicks_are_in_the_determinant() -> None:
@@ -260,8 +260,8 @@ def test_kicks_are_in_the_determinant() -> None:
     tau = events['cycle'] * TWO_PI + events['phase']
     ratio = np.abs(events['velocity_after'][1:] / events['velocity'][1:])
     expected = float(np.mean(np.log(0.9 * ratio))) - 0.1 * float(tau[-1] - tau[0]) / 2000
-    assert running.report().exact_sum == pytest.approx(expected, abs=1e-11)
-    assert running.report().exponent_sum == pytest.approx(expected, abs=1e-8)
+    assert running.report.exact_sum == pytest.approx(expected, abs=1e-11)
+    assert running.report.exponent_sum == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_window_must_hold_something() -> None:
@@ -275,7 +275,7 @@ def test_finite_time_exponents_cross_the_retunes_of_a_ramp() -> None:
     running = RunningLyapunov(1000)
     events = slow_ramp(0.57, 5e-6, 2000, State(velocity=-1.0))
     running.update(events)
-    report = running.report()
+    report = running.report
     assert report.impacts < 4 and report.epoch == 2000
     # It ends on A: both its multipliers are complex, of modulus 0.9^3 exp(-0.1 pi) at any alpha.
     exponent = (math.log(0.81) - 0.1 * TWO_PI / 3) / 2.0
@@ -294,14 +294,14 @@ def test_a_retune_that_changes_nothing_leaves_the_finite_time_exponent() -> None
     running, plain = RunningLyapunov(1500), RunningLyapunov(1500)
     running.update(parted)
     plain.update(whole)
-    assert running.report().lambda_1_finite == pytest.approx(
-        plain.report().lambda_1_finite, rel=1e-9)
-    assert plain.report().finite_retunes == 0 < running.report().finite_retunes
+    assert running.report.lambda_1_finite == pytest.approx(
+        plain.report.lambda_1_finite, rel=1e-9)
+    assert plain.report.finite_retunes == 0 < running.report.finite_retunes
     # A reset forgets: there are no thousand impacts yet.
     simulation = Simulation(Parameters(0.48), start)
     plain.update(np.concatenate([simulation.advance(600, 0.0, 10_000),
                                  simulation.reset(0.0, 0.0, -1.0)]))
-    assert math.isnan(plain.report().lambda_1_finite)
+    assert math.isnan(plain.report.lambda_1_finite)
 
 
 def test_exponent_of_a_slow_ramp_is_the_static_one() -> None:
@@ -313,8 +313,8 @@ def test_exponent_of_a_slow_ramp_is_the_static_one() -> None:
     blocks = static[:19_200].reshape(-1, 160).mean(axis=1)
     error = float(np.std(blocks, ddof=1)) * math.sqrt(160) * math.hypot(
         1.0 / math.sqrt(len(static)), 1.0 / math.sqrt(8000))
-    assert running.report().finite_retunes > 2000
-    assert abs(running.report().lambda_1_finite - static.mean()) < 4.0 * error
+    assert running.report.finite_retunes > 2000
+    assert abs(running.report.lambda_1_finite - static.mean()) < 4.0 * error
 
 
 def impulses_by_quadrature(events: EventArray) -> tuple[float, float, float]:
@@ -362,7 +362,7 @@ def test_impulse_balance(alpha: float, beta: float, gamma: float, restitution: f
         running.update(parts[-1])
         stretch = np.concatenate(parts)
         impulse, time, exact = impulses_by_quadrature(stretch)
-        report = running.report()
+        report = running.report
         scale = 1e-13 * (len(stretch) + time) * (1.0 + alpha + abs(gamma)) / time
         assert report.impulse_balance == pytest.approx(impulse / time, abs=scale)
         assert report.exact_impulse_balance == pytest.approx(exact / time, abs=scale)
@@ -381,14 +381,14 @@ def test_an_infinite_exponent_is_explained() -> None:
         FAR, 0.0, 3000)
     running = RunningLyapunov()
     running.update(events)
-    report = running.report()
+    report = running.report
     assert report.sticks == np.count_nonzero(events['kind'] == EventKind.STICK) == 43
     assert infinite_in_words(lyapunov_values(report)) == (
-        f'-inf: the mass stuck at 43 of {report.impacts:,} impacts and forgot all that was before '
+        f'-inf: the gear stuck at 43 of {report.impacts:,} impacts and forgot all that was before '
         '(superstable)')
     no_restitution = RunningLyapunov()
     no_restitution.update(Simulation(Parameters(8.0, 0.1, 0.0, 0.0), State(
         0, 0.0, -0.5, 3.0)).advance(FAR, 0.0, 2))
-    assert no_restitution.report().lambda_2 == -math.inf
-    assert 'r = 0' in infinite_in_words(lyapunov_values(no_restitution.report()))
-    assert infinite_in_words(lyapunov_values(RunningLyapunov().report())) == ''
+    assert no_restitution.report.lambda_2 == -math.inf
+    assert 'r = 0' in infinite_in_words(lyapunov_values(no_restitution.report))
+    assert infinite_in_words(lyapunov_values(RunningLyapunov().report)) == ''

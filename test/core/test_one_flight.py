@@ -6,12 +6,12 @@ import numba
 import numpy as np
 import pytest
 
+from gear_rattle_ros.core.arrays import RecordArray
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.lanes import (
     advance,
     EMPTY,
     is_busy,
-    LaneArray,
     new_impacts,
     new_tiles,
     refill,
@@ -29,7 +29,7 @@ LONGEST: Final = 1000
 Array = np.ndarray[Any, Any]
 
 
-def everywhere(random: np.random.Generator, count: int) -> LaneArray:
+def everywhere(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts of all kinds, with parameters of their own and their special values."""
     starts = np.zeros(count, START)
     starts['phase'] = random.uniform(0.0, TWO_PI, count)
@@ -46,7 +46,7 @@ def everywhere(random: np.random.Generator, count: int) -> LaneArray:
     return starts
 
 
-def near_walls(random: np.random.Generator, count: int) -> LaneArray:
+def near_walls(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts a hair off a wall."""
     starts = everywhere(random, count)
     hair = 10.0**random.uniform(-17.0, -3.0, count)
@@ -54,21 +54,21 @@ def near_walls(random: np.random.Generator, count: int) -> LaneArray:
     return starts
 
 
-def from_rest(random: np.random.Generator, count: int) -> LaneArray:
+def from_rest(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts at rest, on walls and between them."""
     starts = everywhere(random, count)
     starts['velocity'] = 0.0
     return starts
 
 
-def grazing(random: np.random.Generator, count: int) -> LaneArray:
+def grazing(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts almost at rest: impacts on a wall just left, and turns beside it."""
     starts = near_walls(random, count)
     starts['velocity'] *= 1e-6
     return starts
 
 
-def long_flights(random: np.random.Generator, count: int) -> LaneArray:
+def long_flights(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts with hardly any force, or hardly any motion left."""
     starts = everywhere(random, count)
     starts['alpha'] = 10.0**random.uniform(-6.0, -1.0, count)
@@ -76,14 +76,14 @@ def long_flights(random: np.random.Generator, count: int) -> LaneArray:
     return starts
 
 
-def damped(random: np.random.Generator, count: int) -> LaneArray:
+def damped(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts whose flights outlast the decay of the free motion."""
     starts = everywhere(random, count)
     starts['beta'] = 10.0**random.uniform(0.0, 2.0, count)
     return starts
 
 
-def slow_launches(random: np.random.Generator, count: int) -> LaneArray:
+def slow_launches(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts that leave a wall very slowly where the force vanishes: they are soon back."""
     starts = everywhere(random, count)
     on_upper = random.random(count) < 0.5
@@ -96,7 +96,7 @@ def slow_launches(random: np.random.Generator, count: int) -> LaneArray:
     return starts
 
 
-def tangent(random: np.random.Generator, count: int) -> LaneArray:
+def tangent(random: np.random.Generator, count: int) -> RecordArray:
     """Return starts on a wall that nearly meet it again with no velocity and no force."""
     starts = everywhere(random, count)
     on_upper = random.random(count) < 0.5

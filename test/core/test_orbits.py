@@ -175,7 +175,7 @@ def story_with_everything() -> EventArray:
     pieces += [simulation.advance(FAR, 0.0, 900), simulation.reset(5.0, 0.0, 0.02),
                simulation.advance(FAR, 0.0, 900), simulation.retune(Parameters(0.1, 0.1, 0.5)),
                simulation.advance(simulation.state.cycle + 500, 0.0, 3000)]
-    assert simulation.is_resting_for_ever
+    assert simulation.is_permanently_at_rest
     return np.concatenate(pieces)
 
 
@@ -265,7 +265,7 @@ def test_rest_from_the_start_has_no_lifetime_to_speak_of() -> None:
     events = Simulation(Parameters(0.1, 0.1, 0.5), State(0, 1.0, 0.0, 0.0)).advance(9, 0.0, 9)
     report = detect(events)
     assert (report.regime, report.lifetime) == (Regime.REST, 0)
-    assert report.describe() == 'at rest on a wall for ever, after 0 impacts'
+    assert report.describe() == 'permanently at rest on a wall, after 0 impacts'
 
 
 @pytest.mark.parametrize('restitution, alpha, gamma, impacts', [
@@ -451,7 +451,7 @@ def test_words_for_chaos_have_the_exponent_of_their_impacts() -> None:
     assert last.impacts == 32_000 and last.regime is Regime.TRANSIENT
     running = RunningLyapunov()
     running.update(events[:32_001])
-    found = running.report()
+    found = running.report
     assert (last.exponent, last.exponent_error) == (found.lambda_1, found.lambda_1_error)
     assert last.describe() == (
         f'no orbit in 32,000 impacts (chaos or a long transient), largest exponent '

@@ -153,7 +153,7 @@ def test_retune_releases_a_resting_mass() -> None:
     """A mass at rest for ever leaves when the load changes sign, at that moment."""
     simulation = Simulation(Parameters(0.2, 0.1, 0.5, 0.9), State())
     simulation.advance(7, 3.0, 10)
-    assert simulation.is_resting_for_ever
+    assert simulation.is_permanently_at_rest
     simulation.retune(Parameters(0.0, 0.0, -0.5, 0.9))
     event = simulation.advance(99, 0.0, 1)[0]
     assert event['displacement'] == -1.0

@@ -65,7 +65,7 @@ def test_start_at_rest_on_a_wall_that_presses_for_ever(
         wall: float, gamma: float, restitution: float) -> None:
     """Without a release no event ever comes, and the end is known."""
     simulation = Simulation(Parameters(0.2, 0.1, gamma, restitution), State(0, 0.0, wall, 0.0))
-    assert simulation.is_resting_for_ever
+    assert simulation.is_permanently_at_rest
     assert len(simulation.advance(10**6, 0.0, 100)) == 1
     assert simulation.state == State(10**6, 0.0, wall, 0.0)
 

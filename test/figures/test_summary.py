@@ -59,7 +59,7 @@ def test_digest_holds_the_run() -> None:
     assert digest.changes.rows['drive_time'][1] == pytest.approx(300.0)
     running = RunningLyapunov(1000)
     running.update(events)
-    assert digest.estimates.rows['lambda_1'][-1] == running.report().lambda_1
+    assert digest.estimates.rows['lambda_1'][-1] == running.report.lambda_1
     words = [in_words(word) for word in digest.words]
     assert words[0] == 'impact 0, alpha 0.57: a transient begins'
     retuned = impact_count(np.concatenate(batches[:30]))

@@ -76,7 +76,7 @@ def expected(*pieces):
     running = RunningLyapunov()
     for piece in pieces:
         running.update(piece)
-    report = running.report()
+    report = running.report
     return {
         name: getattr(report, 'exponent_sum' if name == 'sum' else name) for name in NAMES}
 
@@ -187,7 +187,7 @@ def test_chatter_is_an_orbit_and_its_exponents_are_explained(bench, chatter):
     lyapunov.send(chatter)
     lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == chatter['index'][-1])
     assert lyapunov.said[-1]['lambda_1'] == -np.inf and lyapunov.said[-1]['sticks'] == 43.0
-    lyapunov.process.wait_for('the mass stuck at ')
+    lyapunov.process.wait_for('the gear stuck at ')
     lyapunov.spin(lambda: any('superstable' in h.get('infinite', '') for h in lyapunov.health))
 
 

@@ -20,7 +20,7 @@ def test_infinite_exponents_are_explained() -> None:
     status = Status(exponents={'lambda_1': -math.inf, 'lambda_2': -math.inf, 'sticks': 43.0,
                                'impacts': 2957.0, 'impulse_balance': 2.5, 'window': 1000.0,
                                'exact_impulse_balance': 2.5})
-    words = 'the mass stuck at 43 of 2,957 impacts and forgot all that was before (superstable)'
+    words = 'the gear stuck at 43 of 2,957 impacts and forgot all that was before (superstable)'
     assert words in shown(status) and words in status.line()
     assert 'impulse balance +2.500000' in shown(status)
     status.exponents['lambda_1'] = status.exponents['lambda_2'] = 0.25

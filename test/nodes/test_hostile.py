@@ -129,8 +129,8 @@ def test_readers_refuse_what_is_no_stream_and_go_on(start, domain, rclpy_node, s
     running = RunningLyapunov()
     running.update(events)
     values = dict(zip(said[-1].name, said[-1].position, strict=True))
-    assert values['lambda_1'] == running.report().lambda_1
-    assert values['impacts'] == running.report().impacts
+    assert values['lambda_1'] == running.report.lambda_1
+    assert values['impacts'] == running.report.impacts
     spin(lambda: all(health.get(name, ('', {}))[1].get('refused_batches') == str(len(broken))
                      for name in ('lyapunov', 'transients', 'viewer')), 30.0)
     # In a participant of its own, as within one DDS itself refuses it.

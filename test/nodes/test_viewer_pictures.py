@@ -78,7 +78,7 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
             scene.take_basin(drawn)
         recent.take(events)
         running.update(events)
-        report = running.report()
+        report = running.report
         scene.estimate({**dataclasses.asdict(report), 'sum': report.lambda_1 + report.lambda_2})
         scene.draw(recent, '**orbit of 2 impacts in 1 drive period**', clock)
         clock += 1.0

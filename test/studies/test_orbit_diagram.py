@@ -86,7 +86,7 @@ def test_chaotic_exponent_agrees_with_the_stream_of_events():
     running = RunningLyapunov()
     simulation = Simulation(parameters, State(velocity=-0.8))
     running.update(simulation.advance(100_000, 0.0, 200_000))
-    report = running.report()
+    report = running.report
     error = math.hypot(found[0].exponent_error, report.lambda_1_error)
     assert abs(found[0].exponent - report.lambda_1) < 4.0 * error
     assert error < 0.01

@@ -65,7 +65,7 @@ from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.simulation import Simulation
 lyapunov = RunningLyapunov()
 lyapunov.update(Simulation(Parameters(0.57), State(), noise=1e-3).advance(20_000, 0.0, 20_000))
-print(fingerprint(), lyapunov.report())
+print(fingerprint(), lyapunov.report)
 """
 
 

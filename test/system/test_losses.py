@@ -107,8 +107,8 @@ def test_stopped_readers_name_exactly_what_they_did_not_get(start, rclpy_node, s
     running = RunningLyapunov()
     running.update(events[np.flatnonzero(events['index'] == behind)[0]:])
     values = dict(zip(estimates[-1].name, estimates[-1].position, strict=True))
-    assert values['impacts'] == running.report().impacts
-    assert values['lambda_1'] == running.report().lambda_1
+    assert values['impacts'] == running.report.impacts
+    assert values['lambda_1'] == running.report.lambda_1
     for node in nodes.values():
         assert node.stop(within=30.0) == 0
     # The bag lacks what the recorder has named, and nothing else.

@@ -105,7 +105,7 @@ def test_recorded_exponents_follow_from_the_recorded_events(run):
             (events['index'] == values['index']) & (events['epoch'] == values['epoch']))[-1]) + 1
         running.update(events[done:upto])
         done = upto
-        report = running.report()
+        report = running.report
         assert report.impacts == values['impacts']
         for name in ('lambda_1', 'lambda_2', 'lambda_1_error', 'exact_sum', 'lambda_1_finite'):
             np.testing.assert_array_equal(values[name], getattr(report, name))

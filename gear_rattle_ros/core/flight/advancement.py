@@ -1,10 +1,10 @@
 """
 One step towards the first impact, in which no wall can be reached: conservative advancement.
 
-The scalar search and the lanes both go by these formulas, so they agree bit for bit. There is no
-branch in them, for loops over lanes that LLVM turns into SIMD code. Seen from the wall ahead, the
-displacement towards it is counted positive; a bound of a derivative holds for the rest of a flight
-because ``|s''|`` without the drive only decays.
+The scalar search and the lanes share these formulas, so they agree bit for bit. They have no
+branches, so that LLVM turns loops over lanes into SIMD code. Displacements are positive towards
+the wall ahead; a bound of a derivative holds for the rest of a flight because ``|s''|`` without
+the drive only decays.
 """
 
 from typing import Final
@@ -24,20 +24,20 @@ LAST_STEP_ERROR: Final = 1e-16
 # beyond what a search has been seen to take but where its steps shrink without end.
 PATIENCE: Final = 64.0
 PATIENCE_RATE: Final = 4.0
-# Of a step that is shortened to no purpose: the next one had better be a leap.
+# Marks a step that is shortened to no purpose: the next one had better be a leap.
 CRAWLS: Final = 2.0
 LEAP_TRIALS: Final = 16
 
 
 @inlined
-def is_slow(effort, d):  # type: ignore[no-untyped-def]
-    """Whether a search up to time d has taken so many evaluations that it may never end."""
+def is_slow(effort: float, d: float) -> bool:
+    """Whether a search up to time d has taken more evaluations than one that surely ends."""
     return effort > PATIENCE + PATIENCE_RATE * d
 
 
 @inlined
-def look_ahead(  # type: ignore[no-untyped-def]
-        displacement, moved, velocity, sine, cosine, alpha, beta, gamma):
+def look_ahead(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
+               alpha: float, beta: float, gamma: float) -> tuple[float, ...]:
     """Describe the flight as seen from the wall ahead, and how far that is about."""
     drive_cosine = alpha * cosine
     relax = gamma - beta * (velocity - drive_cosine)
@@ -68,7 +68,7 @@ def look_ahead(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def worst_jerk(jerk, jerk_bound, snap_bound, longest):  # type: ignore[no-untyped-def]
+def worst_jerk(jerk: float, jerk_bound: float, snap_bound: float, longest: float) -> float:
     """Bound c such that the third-order remainder is at most ``c t^3/6`` until `longest`."""
     c = jerk + snap_bound * longest * 0.25
     c = choose(c < jerk_bound, c, jerk_bound)
@@ -76,15 +76,12 @@ def worst_jerk(jerk, jerk_bound, snap_bound, longest):  # type: ignore[no-untype
 
 
 @inlined
-def stop_ahead(  # type: ignore[no-untyped-def]
-        speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound):
-    """
-    Return how far one can certainly go as far as the wall ahead is concerned [1].
-
-    Counted towards that wall, the displacement in time t is at most ``u t + f t^2/2 + c t^3/6``
-    for ``t <= T``, with c the largest jerk until T; so at most ``u t + (f + c T/3) t^2/2``. Any T
-    is valid; the time to the wall at constant acceleration is a good one.
-    """
+def stop_ahead(speed: float, pull: float, jerk: float, ahead: float, horizon: float,
+               jerk_bound: float, snap_bound: float) -> float:
+    """Return how far the flight can certainly go before the wall ahead [1]."""
+    # Towards that wall, the displacement in time t is at most ``u t + f t^2/2 + c t^3/6`` for ``t
+    # <= T``, with c the largest jerk until T; so at most ``u t + (f + c T/3) t^2/2``. Any T is
+    # valid; the time to the wall at constant acceleration is a good one.
     c = worst_jerk(jerk, jerk_bound, snap_bound, horizon)
     bent = pull + c * horizon * (1.0 / 3.0)
     root = square_root(speed * speed + 2.0 * bent * ahead)
@@ -95,14 +92,14 @@ def stop_ahead(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def stop_behind(  # type: ignore[no-untyped-def]
-        front, speed, pull, jerk, behind, jerk_bound, snap_bound):
+def stop_behind(front: float, speed: float, pull: float, jerk: float, behind: float,
+                jerk_bound: float, snap_bound: float) -> tuple[float, float]:
     """
-    Return the step `front`, shortened where the mass may come back to the wall behind.
+    Return the step `front`, shortened where the gear may come back to the wall behind.
 
     The bound of the way back, ``-u t - f t^2/2 + c t^3/6``, is greatest at an end of the stretch.
-    The second result is 0 where it does not come back, else 1, or CRAWLS where the step is so
-    short because `front` is so long, not by the force.
+    The second result is 0 where it does not come back, else 1, or CRAWLS where the step is short
+    only because `front` is long.
     """
     c = worst_jerk(-jerk, jerk_bound, snap_bound, front)
     q = c * front * (1.0 / 3.0) - pull
@@ -117,12 +114,9 @@ def stop_behind(  # type: ignore[no-untyped-def]
 @kernel
 def leap(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
          alpha: float, beta: float, gamma: float) -> float:
-    """
-    Return a time [1] in which no wall can be reached, where the usual step crawls.
-
-    A mass that leaves a wall very slowly while the force changes its sign is soon back by the
-    jerk, much sooner than it could be at the other wall: the bound need not hold for longer.
-    """
+    """Return a time [1] in which no wall can be reached, where the usual step crawls."""
+    # A gear that leaves a wall very slowly while the force changes sign soon comes back by the
+    # jerk, long before it could reach the other wall: the bound need not hold for longer.
     _, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
         displacement, moved, velocity, sine, cosine, alpha, beta, gamma)
     longest = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
@@ -137,12 +131,9 @@ def leap(displacement: float, moved: float, velocity: float, sine: float, cosine
 
 
 @inlined
-def derivatives(towards, pull, sine, cosine, alpha, beta):  # type: ignore[no-untyped-def]
-    """
-    Derive the displacement towards the wall ahead, from the fourth to the eighth time.
-
-    The last result bounds the second and the eighth derivative from now on.
-    """
+def derivatives(towards: float, pull: float, sine: float, cosine: float, alpha: float,
+                beta: float) -> tuple[float, ...]:
+    """Return the fourth to eighth derivative of the way, and a bound of the 2nd and 8th."""
     signed = towards * alpha
     sine = signed * sine
     cosine = signed * cosine
@@ -159,14 +150,14 @@ def derivatives(towards, pull, sine, cosine, alpha, beta):  # type: ignore[no-un
 
 
 @inlined
-def aim(  # type: ignore[no-untyped-def]
-        speed, pull, jerk, ahead, horizon, jerk_bound, towards, sine, cosine, alpha, beta):
+def aim(speed: float, pull: float, jerk: float, ahead: float, horizon: float, jerk_bound: float,
+        towards: float, sine: float, cosine: float, alpha: float,
+        beta: float) -> tuple[float, ...]:
     """
-    Improve the time to the wall ahead, by Taylor's polynomial of the seventh order.
+    Improve the time to the wall ahead: one Chebyshev step on a seventh-order Taylor polynomial.
 
-    One step of Chebyshev's method: Newton's with the acceleration taken in. Returned are the time,
-    its error there as a length, 1 by the speed there or -1 if the time is of no use, and how long
-    the velocity has to stay positive for it to be the first impact.
+    Returns the time, its error there as a length, 1 by the speed there (-1 if the time is of no
+    use), and how long the velocity has to stay positive for it to be the first impact.
     """
     s4, s5, s6, s7, _, bend = derivatives(towards, pull, sine, cosine, alpha, beta)
     x = horizon
@@ -192,15 +183,16 @@ def aim(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def close_in(  # type: ignore[no-untyped-def]
-        d, velocity, step, returns, aimed, aim_error, slowness, longest, speed, pull, jerk,
-        jerk_bound, snap_bound, towards, sine, cosine, alpha, beta):
+def close_in(d: float, velocity: float, step: float, returns: float, aimed: float,
+             aim_error: float, slowness: float, longest: float, speed: float, pull: float,
+             jerk: float, jerk_bound: float, snap_bound: float, towards: float, sine: float,
+             cosine: float, alpha: float, beta: float) -> tuple[float, float, bool, float, bool]:
     """
-    Find the impact, or a longer step than that known.
+    Find the impact, or a longer certain step.
 
     Where the velocity certainly stays positive the zero is the first impact, and less than it by
-    more than all errors is a certain step. Returned are the step, which wall it is towards,
-    whether it ends at that wall, the velocity before the impact if so, and whether it crawls.
+    more than all errors is a certain step. Returns the step, the wall it is towards, whether it
+    ends there, the velocity before the impact if so, and whether it crawls.
     """
     s4, s5, s6, s7, s8, bend = derivatives(towards, pull, sine, cosine, alpha, beta)
     x = aimed

@@ -1,9 +1,7 @@
 """
 One flight between the walls: closed form, impact law, sticking, release.
 
-Scalar kernels, shared by everything that follows a trajectory. Notation of the paper, with
-``d = tau - tau0`` the time since the flight began and ``p = tau0`` its phase. Eqs. (4)-(5) are
-used in a form without cancellation for small d and regular at ``beta = 0``.
+Eqs. (4)-(5) are used in a form without cancellation for small d and regular at ``beta = 0``.
 """
 
 import math
@@ -12,17 +10,18 @@ import numpy as np
 
 from .advancement import HORIZON_MAXIMUM
 from .elementary import arctangent, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
+from ..arrays import Whole
 from ..compiled import kernel
 from ..model import STICKING_SPEED, Wall
 
-# What holds a trajectory at a moment.
+# Whether the gear is in flight or rests on a wall.
 FLYING = 0
 RESTING = 1
 # Which wall ends a flight.
 NO_WALL = -1
 UPPER = int(Wall.UPPER)
 LOWER = int(Wall.LOWER)
-# A flight without an impact is continued from a fresh start after this many drive periods.
+# A flight without an impact is continued from a new initial condition after a leg of so long.
 LEG_PERIODS = 64
 LEG = LEG_PERIODS * TWO_PI
 # Far more than rounding moves a displacement within a leg between the walls [1].
@@ -33,10 +32,10 @@ CLEARANCE = 1e-9
 def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta: float,
              gamma: float) -> tuple[float, float, float, float]:
     """
-    Return displacement, velocity, sine and cosine of the phase after a time d, eqs. (4)-(5).
+    Return displacement since its beginning, velocity, sine, cosine after a time d, eqs. (4)-(5).
 
-    The displacement is counted from the beginning of the flight [1]. Where d is small it is good
-    to a relative accuracy, as chatter needs; d is at most about 1e6.
+    For small d the displacement has a small relative error, as chatter needs; d is at most about
+    1e6.
     """
     decay, integral, second = relaxation(d, beta)
     sin_half, cos_half = sine_cosine(0.5 * d)
@@ -55,11 +54,7 @@ def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta
 @kernel
 def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
                  gamma: float) -> tuple[float, float]:
-    """
-    Return displacement and velocity after a leg of whole drive periods, eqs. (4)-(5).
-
-    The drive is where it was, exactly; the displacement is counted from the beginning of the leg.
-    """
+    """Return the displacement since its beginning and the velocity after a leg, eqs. (4)-(5)."""
     decay, integral, second = relaxation(LEG, beta)
     moved = (v0 - alpha * cos_p) * integral + gamma * second
     return moved, v0 * decay + (gamma + alpha * beta * cos_p) * integral
@@ -68,11 +63,7 @@ def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
 @kernel
 def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, beta: float,
                 gamma: float) -> bool:
-    """
-    Whether a leg cannot come near a wall, from bounds on each term of the closed form.
-
-    A leg without an impact may be near enough to make it False.
-    """
+    """Whether bounds on each term of the closed form certainly keep a leg off the walls."""
     _, integral, second = relaxation(LEG, beta)
     # s(d) = s0 - alpha sin p + alpha sin(p + d) + (v0 - alpha cos p) B(d) + gamma C(d).
     middle = s0 - alpha * sin_p
@@ -92,12 +83,9 @@ def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta
 
 @kernel
 def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: float) -> float:
-    """
-    Return a time [1] for which a mass that leaves a wall from rest certainly meets neither wall.
-
-    The force is away from the wall, or zero but for rounding. The mass gets off this wall by the
-    acceleration or, at a release where that vanishes, by the jerk; it is not at the other one yet.
-    """
+    """Return a time [1] in which a gear that leaves a wall from rest surely meets no wall."""
+    # The force is away from the wall, or zero but for rounding: the gear leaves by the
+    # acceleration or, at a release where that vanishes, by the jerk.
     force = acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
     relax = abs(gamma + beta * alpha * cos_p)
     jerk = -alpha * (cos_p + beta * sin_p) - beta * force
@@ -111,12 +99,9 @@ def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: floa
 @kernel
 def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: float,
                gamma: float) -> bool:
-    """
-    Whether a mass at rest on a wall (+1 for the upper, -1 for the lower) is pressed against it.
-
-    The sign of a(tau, 0) decides, that of its derivative where it is zero; where no force acts at
-    all, the mass is pressed.
-    """
+    """Whether a gear at rest on a wall (`towards` +1 upper, -1 lower) is pressed against it."""
+    # The sign of a(tau, 0) decides, that of its derivative where it is zero; without any force the
+    # gear is pressed.
     force = towards * acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
     if force != 0.0:
         return force > 0.0
@@ -124,14 +109,22 @@ def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: f
 
 
 @kernel
+def rests(displacement: float, velocity: float, phase: float, alpha: float, beta: float,
+          gamma: float) -> bool:
+    """Whether a gear stands on a wall against which it is pressed."""
+    on_upper = displacement == 0.0
+    if velocity != 0.0 or not (on_upper or displacement == -1.0):
+        return False
+    sine, cosine = sine_cosine(phase)
+    return is_pressed(1.0 if on_upper else -1.0, sine, cosine, alpha, beta, gamma)
+
+
+@kernel
 def release_delay(towards: float, phase: float, alpha: float, beta: float,
                   gamma: float) -> float:
-    """
-    Return the time [1] until a mass leaves the wall it rests on, inf where it never does.
-
-    That is at the next zero of ``a(tau, 0) = gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)``
-    in the leaving direction.
-    """
+    """Return the time [1] until a gear leaves the wall it rests on, inf where it never does."""
+    # That is at the next zero of ``a(tau, 0) = gamma - alpha sqrt(1 + beta^2) sin(tau - atan
+    # beta)`` in the leaving direction.
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
     # So close to never leaving, the speed gained is far below that at which it sticks again.
     if abs(gamma) >= amplitude * (1.0 - 1e-12):
@@ -166,7 +159,7 @@ def later(phase: float, d: float) -> tuple[int, float]:
 
 
 @kernel
-def elapsed(cycles: int, phase_from: float, phase_to: float) -> float:
+def elapsed(cycles: Whole, phase_from: float, phase_to: float) -> float:
     """Return the time ``2 pi cycles + phase_to - phase_from`` [1] between two moments."""
     return cycles * TWO_PI + (phase_to - phase_from)
 
@@ -174,12 +167,9 @@ def elapsed(cycles: int, phase_from: float, phase_to: float) -> float:
 @kernel
 def rebound(velocity: float, towards: float, phase: float, alpha: float, beta: float,
             gamma: float, restitution: float, kick: float) -> float:
-    """
-    Return the velocity after an impact, eq. (6): ``-r v`` plus the kick, or 0 where it sticks.
-
-    It sticks where that is so slow, with ``r < 1``, on a wall against which the mass is pressed; a
-    kick never sends it through the wall. `towards` is +1 at the upper wall, -1 at the lower.
-    """
+    """Return the velocity after an impact, eq. (6): ``-r v`` plus the kick, 0 if it sticks."""
+    # It sticks where that is slow, with ``r < 1``, on a wall against which the gear is pressed; a
+    # kick never sends it through the wall. `towards` is +1 at the upper wall, -1 at the lower.
     after = -restitution * velocity
     if kick != 0.0:
         return -towards * abs(after + kick)

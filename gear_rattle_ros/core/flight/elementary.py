@@ -1,15 +1,16 @@
 """
 Sine, cosine, inverse tangent, logarithm and exponential relaxation, from arithmetic alone.
 
-Only operations that IEEE 754 rounds exactly are used: the results do not depend on the machine's
-mathematical library, and the code vectorises. Taylor polynomials on reduced arguments; every
-function is good to about one unit in the last place.
+Only operations that IEEE 754 rounds exactly are used, so the results do not depend on the
+machine's mathematical library, and the code vectorises. Each function is good to about one unit in
+the last place.
 """
 
 import math
 
 import numpy as np
 
+from ..arrays import Whole
 from ..compiled import kernel
 
 TWO_PI = 2.0 * math.pi
@@ -112,7 +113,7 @@ def exp_minus(x: float) -> float:
         1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (
             1.0 / 362880 + r * (1.0 / 3628800 + r * (1.0 / 39916800 + r * (
                 1.0 / 479001600 + r * (1.0 / 6227020800)))))))))))))
-    # Of the two factors only the second can round, where the result is subnormal.
+    # Only the second factor can round, where the result is subnormal.
     most = min(int(k), 1000)
     return polynomial * power_of_two(-most) * power_of_two(most - int(k))
 
@@ -122,7 +123,7 @@ def logarithm(x: float) -> float:
     """Return ``ln x``, -inf at zero and nan below it."""
     if not 0.0 < x < math.inf:
         return x if x > 0.0 else -math.inf if x == 0.0 else math.nan
-    k = 0
+    k: Whole = 0
     if x < SMALLEST_NORMAL:
         x *= 2.0**54
         k = -54
@@ -171,11 +172,7 @@ def relaxation_series(x: float) -> float:
 
 @kernel
 def relaxation(d: float, beta: float) -> tuple[float, float, float]:
-    """
-    Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``.
-
-    B is the integral of E over the duration d >= 0, C that of B; all are regular at ``beta = 0``.
-    """
+    """Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``, for d >= 0."""
     x = beta * d
     if x < 1.0:
         second = relaxation_series(x)

@@ -22,16 +22,9 @@ _IMPACTS: Final = 400
 @functools.cache
 def fingerprint() -> str:
     """
-    Name the bits of the events that the kernels compute on this machine.
+    Return 16 hexadecimal digits that name the bits of events computed on this machine.
 
-    A few runs, most of them chaotic, so that a difference of one bit in any flight shows. Where
-    the names agree, a stream recorded there is found again here bit for bit.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-
+    Machines with the same fingerprint find each other's recorded streams again bit for bit.
     """
     digest = hashlib.sha256()
     for number, (parameters, noise) in enumerate(zip(_CASES, _NOISE, strict=True)):

@@ -1,10 +1,10 @@
 """
 The first impact of a flight: conservative advancement, and where that is slow, bisection.
 
-Steps of `advancement` find nearly every impact in a few evaluations of the flight, but no bound
-holds for their number: towards a wall that is met with hardly any velocity, force and jerk they
-may shrink without end. A search that has run out of patience goes on from one zero of the force to
-the next, between which the flight turns once at the most (doc/steps.md has the proof).
+Steps of `advancement` find nearly every impact in a few evaluations of the flight, but near a wall
+met with hardly any velocity, force and jerk they may shrink without end. A search that has run out
+of patience goes from one zero of the force to the next, between which the flight turns at most
+once (doc/steps.md has the proof).
 """
 
 import math
@@ -17,8 +17,6 @@ from ..compiled import kernel
 
 # Halvings of an interval of times down to two neighbours: 11 of its logarithm, then 54.
 HALVINGS: Final = 66
-# Evaluations of `bisect_on` without an impact, at the most.
-STRETCH: Final = HALVINGS + 2
 # In place of a velocity of zero, so that an impact has a direction [1].
 FAINTEST: Final = 1e-300
 
@@ -26,12 +24,8 @@ FAINTEST: Final = 1e-300
 @kernel
 def force_zero_delay(phase: float, near: float, alpha: float, beta: float,
                      gamma: float) -> float:
-    """
-    Return the time [1] until ``a(tau, 0)`` changes its sign, a drive period where it never does.
-
-    It is ``gamma - alpha sqrt(1 + beta^2) sin(tau - atan beta)``; a zero that is no farther than
-    `near` is passed already, but for rounding.
-    """
+    """Return the time [1] until ``a(tau, 0)`` changes sign, a drive period if it never does."""
+    # A zero no farther than `near` has been passed already, but for rounding.
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
     if abs(gamma) >= amplitude:
         return TWO_PI
@@ -64,9 +58,9 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
     Go on from time d to the first impact or to the next zero of the force, whichever is first.
 
     Until that zero ``exp(beta t) v`` is monotone, for its derivative is ``exp(beta t) a(tau, 0)``:
-    the mass turns once at the most, and on either side of that its displacement is monotone. It
-    returns the step from d [1], the speed towards the wall at an impact [1], the wall (NO_WALL at
-    a zero), and how often the flight was evaluated.
+    the gear turns at most once, and on either side of that its displacement is monotone. Returns
+    the step from d [1], the speed towards the wall at an impact [1], the wall (NO_WALL at a zero),
+    and the number of evaluations.
     """
     sin_p, cos_p = sine_cosine(phase)
     near = 1e-14 + 1e-15 * d
@@ -75,8 +69,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
     moved, last, _, _ = displace(end, sin_p, cos_p, v0, alpha, beta, gamma)
     evaluations = 2
     # The bracket [a, b] is of the turn first, then of the impact.
-    a = d
-    b = end
+    a, b = d, end
     if (first > 0.0 > last) or (first < 0.0 < last):
         beyond = moved, last
         for _ in range(HALVINGS):
@@ -92,8 +85,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
                 moved, last = there[:2]
         a = d
         if wall_reached(s0, moved) == NO_WALL:
-            a = b
-            b = end
+            a, b = b, end
             moved, last = beyond
     wall = wall_reached(s0, moved)
     if wall == NO_WALL:
@@ -107,8 +99,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
         if wall_reached(s0, moved) == NO_WALL:
             a = time
         else:
-            b = time
-            last = velocity
+            b, last = time, velocity
     return b - d, max(last if wall == UPPER else -last, FAINTEST), wall, evaluations
 
 
@@ -118,10 +109,9 @@ def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float,
     """
     Go forward in flight from time d to the first impact, or at least to `d_stop`.
 
-    Every step is one in which neither wall can be reached, so no impact is ever missed. A search
-    that is stopped and taken up again with its d and `effort` makes the same steps. It returns the
-    time [1], the evaluations of the flight since it began, the velocity [1], and the wall, NO_WALL
-    where there is no impact yet.
+    In no step can a wall be reached, so no impact is missed. A search that is taken up again with
+    its d and `effort` makes the same steps. Returns the time [1], the evaluations so far, the
+    velocity [1], and the wall (NO_WALL: no impact yet).
     """
     sin_p, cos_p = sine_cosine(phase)
     if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):

@@ -12,15 +12,14 @@ A consumer, itself a kernel, keeps a tile per thread::
             release(tile, i)
         following = refill(tile, starts, following, math.inf)
 
-Lanes do not wait for each other: after `advance` every lane has made as many impacts as it had
-time for. A lane's impacts depend on its start alone, not on the tile, the neighbours or the cuts.
+Lanes do not wait for each other. A lane's impacts depend on its initial condition alone, not on
+the tile, the neighbours or the cuts.
 """
 
 import math
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from .advancement import is_slow, leap
 from .closed_form import (
@@ -39,57 +38,35 @@ from .closed_form import (
 from .elementary import sine_cosine
 from .first_impact import bisect_on
 from .lanes_step import CRAWLING, LANES, step, TILE
+from ..arrays import Record, RecordArray
 from ..compiled import kernel
 from ..model import STICKING_SPEED
 
 CACHE_LINE: Final = 64
-# In place of the number of a start: the lane is free.
+# In place of the number of an initial condition: the lane is free.
 EMPTY: Final = -1
-# Why a trajectory has ended: not yet; at rest on a wall for ever; between the walls for ever.
+# Why a trajectory has ended: not yet; permanently at rest on a wall; permanently between walls.
 RUNS: Final = 0
 RESTS: Final = 1
 FLOATS: Final = 2
 
-# Initial state and parameters of a trajectory.
-START: Final = np.dtype(
-    [
-        ('phase', np.float64),
-        ('displacement', np.float64),
-        ('velocity', np.float64),
-        ('alpha', np.float64),
-        ('beta', np.float64),
-        ('gamma', np.float64),
-        ('restitution', np.float64),
-    ],
-    align=True,
-)
-# One impact: whole drive periods and phase [rad], and the velocity just before it [1], whose sign,
-# also that of a zero, tells the wall: positive for the upper.
+# Initial condition and parameters of a trajectory.
+START: Final = np.dtype([
+    ('phase', np.float64), ('displacement', np.float64), ('velocity', np.float64),
+    ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
+    ('restitution', np.float64),
+], align=True)
+# One impact: whole drive periods, phase [rad] and the velocity just before it [1]; the sign of
+# that, even of a zero, gives the wall: positive for the upper.
 IMPACT: Final = np.dtype(
-    [('cycle', np.int64), ('phase', np.float64), ('velocity', np.float64)], align=True
-)
-
-LaneArray: TypeAlias = npt.NDArray[np.void]
+    [('cycle', np.int64), ('phase', np.float64), ('velocity', np.float64)], align=True)
 
 # For `advance` where impacts are only counted.
-NO_IMPACTS: Final[LaneArray] = np.zeros((LANES, 0), IMPACT)
+NO_IMPACTS: Final[RecordArray] = np.zeros((LANES, 0), IMPACT)
 
 
-def new_tiles(count: int) -> LaneArray:
-    """
-    Make tiles with every lane free.
-
-    Parameters
-    ----------
-    count : int
-        How many, one for each thread.
-
-    Returns
-    -------
-    ndarray of TILE, shape (count,)
-        The tiles; the kernels take one record of it.
-
-    """
+def new_tiles(count: int) -> RecordArray:
+    """Make tiles with every lane free, one for each thread; the kernels take one record."""
     # A vector that crosses the border of cache lines costs twice.
     room = np.zeros(count * TILE.itemsize + CACHE_LINE, np.uint8)
     first = -room.ctypes.data % CACHE_LINE
@@ -98,50 +75,30 @@ def new_tiles(count: int) -> LaneArray:
     return tiles
 
 
-def new_impacts(steps: int) -> LaneArray:
-    """
-    Make room for the impacts of a tile.
-
-    Parameters
-    ----------
-    steps : int
-        Steps of one call of `advance`; an impact takes between three and four.
-
-    Returns
-    -------
-    ndarray of IMPACT, shape (LANES, steps + 1)
-        A row for each lane.
-
-    """
+def new_impacts(steps: int) -> RecordArray:
+    """Make room for the impacts of a tile, shape (LANES, steps + 1), for `steps` of `advance`."""
     return np.zeros((LANES, steps + 1), IMPACT)
 
 
 @kernel
-def evaluate(tile, i):  # type: ignore[no-untyped-def]
+def evaluate(tile: Record, i: int) -> None:
     """Evaluate the flight of a lane at the duration up to which it is known."""
     sine, cosine = sine_cosine(tile.phase[i])
-    tile.sine[i] = sine
-    tile.cosine[i] = cosine
-    moved, velocity, sine_now, cosine_now = displace(
+    tile.sine[i], tile.cosine[i] = sine, cosine
+    tile.moved[i], tile.velocity_now[i], tile.sine_now[i], tile.cosine_now[i] = displace(
         tile.duration[i], sine, cosine, tile.velocity[i], tile.alpha[i], tile.beta[i],
         tile.gamma[i])
-    tile.moved[i] = moved
-    tile.velocity_now[i] = velocity
-    tile.sine_now[i] = sine_now
-    tile.cosine_now[i] = cosine_now
 
 
 @kernel
-def settle(tile, i):  # type: ignore[no-untyped-def]
-    """See a lane off whose flight begins: it may rest on a wall first, or for ever."""
+def settle(tile: Record, i: int) -> None:
+    """Prepare a lane whose flight begins: the gear may first rest on a wall, or permanently."""
     on_upper = tile.displacement[i] == 0.0
     at_rest = tile.velocity[i] == 0.0 and (on_upper or tile.displacement[i] == -1.0)
-    # A lane that is parked keeps its state at the impact, for it may go on with other parameters.
+    # A parked lane keeps its state at the impact, for it may go on with other parameters.
     if at_rest and tile.left[i] > 0.0:
         towards = 1.0 if on_upper else -1.0
-        alpha = tile.alpha[i]
-        beta = tile.beta[i]
-        gamma = tile.gamma[i]
+        alpha, beta, gamma = tile.alpha[i], tile.beta[i], tile.gamma[i]
         sine, cosine = sine_cosine(tile.phase[i])
         if is_pressed(towards, sine, cosine, alpha, beta, gamma):
             delay = release_delay(towards, tile.phase[i], alpha, beta, gamma)
@@ -158,38 +115,27 @@ def settle(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin(tile, i, cycle, phase, displacement, velocity, left):  # type: ignore[no-untyped-def]
-    """
-    Begin a flight in a lane from a state [1, rad, 1, 1], with the parameters that stand in it.
-
-    The lane parks after `left` impacts, never for inf. To go on with a parked lane, give it the
-    state in which it stands.
-    """
-    tile.cycle[i] = cycle
-    tile.phase[i] = phase
-    tile.displacement[i] = displacement
-    tile.velocity[i] = velocity
-    tile.duration[i] = 0.0
-    tile.effort[i] = 0.0
-    tile.left[i] = left
-    tile.end[i] = RUNS
+def begin(tile: Record, i: int, cycle: int, phase: float, displacement: float, velocity: float,
+          left: float) -> None:
+    """Begin a flight in a lane from a state [1, rad, 1, 1], with the parameters in the lane."""
+    # The lane parks after `left` impacts, never for inf. A parked lane goes on from its own state.
+    tile.cycle[i], tile.phase[i] = cycle, phase
+    tile.displacement[i], tile.velocity[i] = displacement, velocity
+    tile.duration[i] = tile.effort[i] = 0.0
+    tile.left[i], tile.end[i] = left, RUNS
     settle(tile, i)
 
 
 @kernel
-def release(tile, i):  # type: ignore[no-untyped-def]
+def release(tile: Record, i: int) -> None:
     """Free a lane whose trajectory is done with."""
     tile.start[i] = EMPTY
     tile.left[i] = 0.0
 
 
 @kernel
-def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
-    """
-    Put the starts from `following` on into the free lanes; return the first that is left.
-
-    Every start is given out once, in order; its lane parks after `left` impacts, never for inf.
-    """
+def refill(tile: Record, starts: RecordArray, following: int, left: float) -> int:
+    """Put initial conditions from `following` on into free lanes; return the first left."""
     for i in range(LANES):
         if following == len(starts):
             break
@@ -197,18 +143,16 @@ def refill(tile, starts, following, left):  # type: ignore[no-untyped-def]
             continue
         start = starts[following]
         tile.start[i] = following
-        tile.alpha[i] = start.alpha
-        tile.beta[i] = start.beta
-        tile.gamma[i] = start.gamma
-        tile.restitution[i] = start.restitution
+        tile.alpha[i], tile.beta[i] = start.alpha, start.beta
+        tile.gamma[i], tile.restitution[i] = start.gamma, start.restitution
         begin(tile, i, 0, start.phase, start.displacement, start.velocity, left)
         following += 1
     return following
 
 
 @kernel
-def is_busy(tile):  # type: ignore[no-untyped-def]
-    """Whether any lane carries a start; it may have parked or ended."""
+def is_busy(tile: Record) -> bool:
+    """Whether any lane carries a trajectory; it may have parked or ended."""
     for i in range(LANES):
         if tile.start[i] != EMPTY:
             return True
@@ -216,7 +160,7 @@ def is_busy(tile):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def floats(tile, i):  # type: ignore[no-untyped-def]
+def floats(tile: Record, i: int) -> bool:
     """Whether the drive and the rest of the free motion of a lane both end between the walls."""
     if tile.gamma[i] != 0.0:
         return False
@@ -231,13 +175,9 @@ def floats(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def attend(tile, i):  # type: ignore[no-untyped-def]
-    """
-    Do for a lane, just after `step`, what the vector loop leaves out.
-
-    That is sticking and grazing, flights of ``beta d >= 1``, flights so long that they are
-    continued from a fresh start, steps that crawl, and searches that take too long.
-    """
+def attend(tile: Record, i: int) -> None:
+    """Do for a lane, just after `step`, what the vector loop leaves out."""
+    # That is sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
             tile.velocity[i] = rebound(
@@ -269,8 +209,7 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
             tile.cosine[i], tile.velocity[i], tile.alpha[i], tile.beta[i], tile.gamma[i])
         tile.displacement[i] = min(max(tile.displacement[i] + moved, -1.0), 0.0)
         tile.cycle[i] += LEG_PERIODS
-        tile.duration[i] = 0.0
-        tile.effort[i] = 0.0
+        tile.duration[i] = tile.effort[i] = 0.0
         if floats(tile, i):
             tile.end[i] = FLOATS
             tile.left[i] = 0.0
@@ -278,14 +217,13 @@ def attend(tile, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def advance(tile, impacts, steps):  # type: ignore[no-untyped-def]
+def advance(tile: Record, impacts: RecordArray, steps: int) -> None:
     """
-    Take every lane of a tile a number of steps forward, each an impact at the most.
+    Take every lane of a tile a number of steps forward, each at most one impact.
 
-    `count` says how many impacts every lane has made in this call. A lane stops for good when its
-    trajectory ends (`end`), and parks just after the impact with which it has none `left`.
-    `impacts` receives them, a row for each lane, and has to be longer than `steps` (else
-    ValueError); NO_IMPACTS keeps none.
+    `count` is the impacts of each lane in this call. A lane ends for good with its trajectory
+    (`end`) and parks just after the impact with which it has none `left`. A row of `impacts` for
+    each lane receives them and must be longer than `steps`; NO_IMPACTS keeps none.
     """
     room = impacts.shape[1]
     if impacts.shape[0] != LANES or 0 < room <= steps:

@@ -1,15 +1,22 @@
 """What numba lacks for loops that LLVM is to turn into SIMD code."""
 
-from typing import Any
+from typing import Any, cast
 
 from llvmlite import ir
 import numba
 from numba import types
 import numba.extending
 
-# Both untyped in numba.
+from ..compiled import Function
+
+# Untyped in numba.
 intrinsic: Any = numba.extending.intrinsic
-inlined: Any = numba.njit(error_model='numpy', nogil=True, forceinline=True)
+
+
+def inlined(function: Function) -> Function:
+    """Compile a kernel that is inlined where it is called."""
+    return cast(Function, numba.njit(
+        error_model='numpy', nogil=True, forceinline=True)(function))
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -33,13 +40,10 @@ def square_root(_context: Any, x: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def prefer_wide_vectors(_context: Any) -> Any:
-    """
-    Let LLVM use 512-bit vectors in the calling function, where the processor has them.
-
-    LLVM prefers 256 bits on many Intel processors. This is what clang's
-    `-mprefer-vector-width=512` sets: a function attribute, so nothing else in the process is
-    touched. llvmlite knows no attribute with a value; the text is put into its set as it is.
-    """
+    """Let LLVM use 512-bit vectors in the calling function, where the processor has them."""
+    # LLVM prefers 256 bits on many Intel processors; this sets the function attribute of clang's
+    # `-mprefer-vector-width=512`. llvmlite has no attributes with values, so its text is added to
+    # the set.
     def code(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()

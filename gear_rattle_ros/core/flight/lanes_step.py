@@ -1,13 +1,10 @@
 """
 One step of the search for impacts in every lane of a tile at once.
 
-Written without a branch, so that LLVM turns the loops over the lanes into SIMD code; a lane whose
-step ends at a wall goes through the impact in the same pass. No fused multiply-add and no
-reordering is allowed, as in the scalar kernels, so the bits are the same on every machine and in
-every lane.
-
-The formulas are those of `flight`: of `flight.displace` and of `advancement`, so a lane makes the
-impacts of `first_impact.search_impact` bit for bit.
+Written without branches, so that LLVM turns the loops over the lanes into SIMD code; a lane whose
+step ends at a wall goes through the impact in the same pass. The formulas are those of
+`closed_form.displace` and `advancement`, so a lane makes the impacts of
+`first_impact.search_impact` bit for bit.
 """
 
 from typing import Final
@@ -18,86 +15,59 @@ from .advancement import aim, close_in, is_slow, look_ahead, stop_ahead, stop_be
 from .closed_form import later, LEG
 from .elementary import relaxation_series, sine_cosine, sine_defect
 from .lanes_simd import choose, inlined, prefer_wide_vectors
+from ..arrays import Record
 from ..compiled import kernel
 from ..model import STICKING_SPEED
 
 # Lanes of a tile: its rows fit the first-level cache, with chains enough to hide latencies.
 LANES: Final = 96
 
-# Of `is_special`, or more: the lane's steps crawl.
+# In `is_special`, at least this: the lane's steps crawl.
 CRAWLING: Final = 2
 
 # One record is a tile; every field is a row of lanes. The flight of a lane began at `cycle`,
 # `phase`, with `displacement` and `velocity`, and is known to be free up to `duration` after that.
-TILE: Final = np.dtype(
-    [
-        # Where the flight began [1, rad, 1, 1] and the sine and cosine of that phase.
-        ('cycle', np.int64, LANES),
-        ('phase', np.float64, LANES),
-        ('displacement', np.float64, LANES),
-        ('velocity', np.float64, LANES),
-        ('sine', np.float64, LANES),
-        ('cosine', np.float64, LANES),
-        ('alpha', np.float64, LANES),
-        ('beta', np.float64, LANES),
-        ('gamma', np.float64, LANES),
-        ('restitution', np.float64, LANES),
-        # Impacts still to be made; inf for no limit, 0 parks the lane.
-        ('left', np.float64, LANES),
-        # The search: how far it has come, by how many evaluations, and the motion there since the
-        # flight began.
-        ('duration', np.float64, LANES),
-        ('effort', np.float64, LANES),
-        ('moved', np.float64, LANES),
-        ('velocity_now', np.float64, LANES),
-        ('sine_now', np.float64, LANES),
-        ('cosine_now', np.float64, LANES),
-        # Seen from the wall ahead (`towards` is +1 for the upper): speed, acceleration, jerk,
-        # distances to both walls, a time of about that to the wall, the certain step.
-        ('towards', np.float64, LANES),
-        ('speed', np.float64, LANES),
-        ('pull', np.float64, LANES),
-        ('jerk', np.float64, LANES),
-        ('ahead', np.float64, LANES),
-        ('behind', np.float64, LANES),
-        ('horizon', np.float64, LANES),
-        ('step', np.float64, LANES),
-        ('jerk_bound', np.float64, LANES),
-        ('snap_bound', np.float64, LANES),
-        ('returns', np.float64, LANES),
-        # The time to that wall by Taylor's polynomial: its error there, 1 by the speed then, or
-        # -1 if of no use, and how long the velocity has to stay positive.
-        ('aimed', np.float64, LANES),
-        ('aim_error', np.float64, LANES),
-        ('slowness', np.float64, LANES),
-        ('longest', np.float64, LANES),
-        # After the step, on the way to the rows above. (A row that is loaded, selected and stored
-        # to the same place makes a masked store, which stalls the next load.)
-        ('next_step', np.float64, LANES),
-        ('next_towards', np.float64, LANES),
-        ('next_displacement', np.float64, LANES),
-        ('next_velocity', np.float64, LANES),
-        ('next_sine', np.float64, LANES),
-        ('next_cosine', np.float64, LANES),
-        ('sine_half', np.float64, LANES),
-        ('cosine_half', np.float64, LANES),
-        # Of the latest step: velocity before the impact, whether there was one, and whether the
-        # lane needs the scalar path.
-        ('impact_velocity', np.float64, LANES),
-        ('has_hit', np.int64, LANES),
-        ('is_special', np.int64, LANES),
-        # Impacts of the latest `advance`; number of the start that the lane carries, EMPTY for
-        # none; why it has ended.
-        ('count', np.int64, LANES),
-        ('start', np.int64, LANES),
-        ('end', np.int64, LANES),
-    ],
-    align=True,
-)
+TILE: Final = np.dtype([
+    # Where the flight began [1, rad, 1, 1] and the sine and cosine of that phase.
+    ('cycle', np.int64, LANES), ('phase', np.float64, LANES), ('displacement', np.float64, LANES),
+    ('velocity', np.float64, LANES), ('sine', np.float64, LANES), ('cosine', np.float64, LANES),
+    ('alpha', np.float64, LANES), ('beta', np.float64, LANES), ('gamma', np.float64, LANES),
+    ('restitution', np.float64, LANES),
+    # Impacts still to be made; inf for no limit, 0 parks the lane.
+    ('left', np.float64, LANES),
+    # The search: how far it has come, by how many evaluations, and the motion there since the
+    # flight began.
+    ('duration', np.float64, LANES), ('effort', np.float64, LANES), ('moved', np.float64, LANES),
+    ('velocity_now', np.float64, LANES), ('sine_now', np.float64, LANES),
+    ('cosine_now', np.float64, LANES),
+    # Seen from the wall ahead (`towards` is +1 for the upper): speed, acceleration, jerk,
+    # distances to both walls, a time of about that to the wall, the certain step.
+    ('towards', np.float64, LANES), ('speed', np.float64, LANES), ('pull', np.float64, LANES),
+    ('jerk', np.float64, LANES), ('ahead', np.float64, LANES), ('behind', np.float64, LANES),
+    ('horizon', np.float64, LANES), ('step', np.float64, LANES), ('jerk_bound', np.float64, LANES),
+    ('snap_bound', np.float64, LANES), ('returns', np.float64, LANES),
+    # The time to that wall by Taylor's polynomial: its error there, 1 by the speed then, or
+    # -1 if of no use, and how long the velocity has to stay positive.
+    ('aimed', np.float64, LANES), ('aim_error', np.float64, LANES),
+    ('slowness', np.float64, LANES), ('longest', np.float64, LANES),
+    # After the step, on the way to the rows above. (A row that is loaded, selected and stored
+    # to the same place makes a masked store, which stalls the next load.)
+    ('next_step', np.float64, LANES), ('next_towards', np.float64, LANES),
+    ('next_displacement', np.float64, LANES), ('next_velocity', np.float64, LANES),
+    ('next_sine', np.float64, LANES), ('next_cosine', np.float64, LANES),
+    ('sine_half', np.float64, LANES), ('cosine_half', np.float64, LANES),
+    # In the latest step: velocity before the impact, whether there was one, and whether the
+    # lane needs the scalar path.
+    ('impact_velocity', np.float64, LANES), ('has_hit', np.int64, LANES),
+    ('is_special', np.int64, LANES),
+    # Impacts of the latest `advance`; number of the start that the lane carries, EMPTY for
+    # none; why it has ended.
+    ('count', np.int64, LANES), ('start', np.int64, LANES), ('end', np.int64, LANES),
+], align=True)
 
 
 @inlined
-def look(t, i):  # type: ignore[no-untyped-def]
+def look(t: Record, i: int) -> None:
     """Describe the flight of lane i as seen from the wall ahead."""
     (t.towards[i], t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.behind[i], t.horizon[i],
      t.jerk_bound[i], t.snap_bound[i]) = look_ahead(
@@ -106,14 +76,14 @@ def look(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def front(t, i):  # type: ignore[no-untyped-def]
+def front(t: Record, i: int) -> None:
     """Find how far lane i can go as far as the wall ahead is concerned."""
     t.step[i] = stop_ahead(t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.horizon[i],
                            t.jerk_bound[i], t.snap_bound[i])
 
 
 @inlined
-def aim_at(t, i):  # type: ignore[no-untyped-def]
+def aim_at(t: Record, i: int) -> None:
     """Improve the time of lane i to the wall ahead."""
     t.aimed[i], t.aim_error[i], t.slowness[i], t.longest[i] = aim(
         t.speed[i], t.pull[i], t.jerk[i], t.ahead[i], t.horizon[i], t.jerk_bound[i],
@@ -121,15 +91,15 @@ def aim_at(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def back(t, i):  # type: ignore[no-untyped-def]
-    """Shorten the step of lane i where the mass may come back to the wall behind."""
+def back(t: Record, i: int) -> None:
+    """Shorten the step of lane i where the gear may come back to the wall behind."""
     t.step[i], t.returns[i] = stop_behind(
         t.step[i], t.speed[i], t.pull[i], t.jerk[i], t.behind[i], t.jerk_bound[i],
         t.snap_bound[i])
 
 
 @inlined
-def close(t, i):  # type: ignore[no-untyped-def]
+def close(t: Record, i: int) -> None:
     """Find the impact of lane i, or its step; none where it is parked."""
     step, towards, hits, velocity, crawls = close_in(
         t.duration[i], t.velocity_now[i], t.step[i], t.returns[i], t.aimed[i], t.aim_error[i],
@@ -145,7 +115,7 @@ def close(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def strike(t, i):  # type: ignore[no-untyped-def]
+def strike(t: Record, i: int) -> None:
     """Take lane i forward by its step, through the impact if there is one."""
     hits = t.has_hit[i] != 0
     d = t.duration[i] + t.next_step[i]
@@ -162,7 +132,7 @@ def strike(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def turn(t, i):  # type: ignore[no-untyped-def]
+def turn(t: Record, i: int) -> None:
     """Take the sine and cosine of the phase of a flight that begins, or of half its duration."""
     d = t.duration[i]
     begins = d == 0.0
@@ -174,12 +144,8 @@ def turn(t, i):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def fly(t, i):  # type: ignore[no-untyped-def]
-    """
-    Evaluate the flight of lane i, as `flight.displace` for ``beta d < 1``.
-
-    Returns 1 where the scalar path has to look at the lane.
-    """
+def fly(t: Record, i: int) -> int:
+    """Evaluate the flight of lane i for ``beta d < 1``; return 1 if it needs the scalar path."""
     alpha = t.alpha[i]
     beta = t.beta[i]
     gamma = t.gamma[i]
@@ -215,7 +181,7 @@ def fly(t, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step(t):  # type: ignore[no-untyped-def]
+def step(t: Record) -> int:
     """Take every lane one step forward, impacts included; return how many need the scalar path."""
     prefer_wide_vectors()
     # Short loops: the processor then works on several lanes' chains of operations at once.

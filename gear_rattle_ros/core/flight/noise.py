@@ -5,11 +5,12 @@ import math
 import numpy as np
 
 from .elementary import logarithm, sine_cosine, TWO_PI
+from ..arrays import Whole
 from ..compiled import kernel
 
 
 @kernel
-def mixed(word: int) -> int:
+def mixed(word: Whole) -> Whole:
     """Mix the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014)."""
     word = np.uint64(word)
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

@@ -12,7 +12,6 @@ from .closed_form import (
     displace_leg,
     elapsed,
     FLYING,
-    is_pressed,
     later,
     LEG,
     LEG_PERIODS,
@@ -20,12 +19,14 @@ from .closed_form import (
     rebound,
     release_delay,
     RESTING,
+    rests,
     stays_clear,
     UPPER,
 )
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import search_impact
 from .noise import gaussian
+from ..arrays import Record, RecordArray, Whole
 from ..compiled import kernel
 from ..model import EVENT, EventArray, EventKind, Parameters, require_finite, State
 
@@ -34,64 +35,37 @@ NOISE_MAXIMUM: Final = 10.0
 SEED_MAXIMUM: Final = 2**63 - 1
 
 # The trajectory from its last event on, and the next impact where it has been found.
-TRAJECTORY: Final = np.dtype(
-    [
-        ('cycle', np.int64),
-        ('phase', np.float64),
-        ('displacement', np.float64),
-        ('velocity', np.float64),
-        ('mode', np.int64),
-        ('searched', np.float64),
-        ('effort', np.int64),
-        ('wall', np.int64),
-        ('impact_velocity', np.float64),
-        ('index', np.int64),
-        ('epoch', np.int64),
-        ('alpha', np.float64),
-        ('beta', np.float64),
-        ('gamma', np.float64),
-        ('restitution', np.float64),
-        ('noise', np.float64),
-        ('seed', np.uint64),
-    ],
-    align=True,
-)
+TRAJECTORY: Final = np.dtype([
+    ('cycle', np.int64), ('phase', np.float64), ('displacement', np.float64),
+    ('velocity', np.float64), ('mode', np.int64), ('searched', np.float64), ('effort', np.int64),
+    ('wall', np.int64), ('impact_velocity', np.float64), ('index', np.int64), ('epoch', np.int64),
+    ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
+    ('restitution', np.float64), ('noise', np.float64), ('seed', np.uint64),
+], align=True)
 
 
 @kernel
-def write_event(record, kind, trajectory, velocity):  # type: ignore[no-untyped-def]
+def write_event(record: Record, kind: int, trajectory: Record, velocity: float) -> None:
     """Write the record of an event, with the velocity before it, just after it was applied."""
-    record.kind = kind
-    record.index = trajectory.index & 0xFFFFFFFF
-    record.epoch = trajectory.epoch & 0xFFFFFFFF
-    record.cycle = trajectory.cycle & 0xFFFFFFFF
-    record.phase = trajectory.phase
-    record.displacement = trajectory.displacement
-    record.velocity = velocity
-    record.velocity_after = trajectory.velocity
-    record.alpha = trajectory.alpha
-    record.beta = trajectory.beta
-    record.gamma = trajectory.gamma
-    record.restitution = trajectory.restitution
+    e, t = record, trajectory
+    e.kind = kind
+    e.index, e.epoch, e.cycle = t.index & 0xFFFFFFFF, t.epoch & 0xFFFFFFFF, t.cycle & 0xFFFFFFFF
+    e.phase, e.displacement, e.velocity, e.velocity_after = (
+        t.phase, t.displacement, velocity, t.velocity)
+    e.alpha, e.beta, e.gamma, e.restitution = t.alpha, t.beta, t.gamma, t.restitution
 
 
 @kernel
-def settle(trajectory):  # type: ignore[no-untyped-def]
+def settle(trajectory: Record) -> None:
     """Decide whether a trajectory rests or flies, and forget the search for its next impact."""
-    trajectory.mode = FLYING
-    trajectory.searched = 0.0
-    trajectory.effort = 0
-    trajectory.wall = NO_WALL
-    on_upper = trajectory.displacement == 0.0
-    if trajectory.velocity == 0.0 and (on_upper or trajectory.displacement == -1.0):
-        sine, cosine = sine_cosine(trajectory.phase)
-        if is_pressed(1.0 if on_upper else -1.0, sine, cosine, trajectory.alpha, trajectory.beta,
-                      trajectory.gamma):
-            trajectory.mode = RESTING
+    t = trajectory
+    t.searched, t.effort, t.wall = 0.0, 0, NO_WALL
+    is_held = rests(t.displacement, t.velocity, t.phase, t.alpha, t.beta, t.gamma)
+    t.mode = RESTING if is_held else FLYING
 
 
 @kernel
-def move_base(trajectory, d):  # type: ignore[no-untyped-def]
+def move_base(trajectory: Record, d: float) -> None:
     """Move the phase of a trajectory's last event forward by a time d [1]."""
     periods, phase = later(trajectory.phase, d)
     trajectory.cycle += periods
@@ -99,11 +73,12 @@ def move_base(trajectory, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
+def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> int:
     """
     Follow a trajectory to a moment (cycle, phase [rad]); return how many events were written.
 
-    Fewer than there is room for means that it was reached; cuts of a run do not change events.
+    Fewer than fit into `events` means that the moment was reached; cuts of a run do not change
+    events.
     """
     t = trajectory
     count = 0
@@ -132,7 +107,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
             t.velocity = velocity
             t.cycle += LEG_PERIODS
             t.effort = 0
-            # Free motion may go on for ever: legs that need no search take a thousandth.
+            # Free motion may never end: legs that need no search take a thousandth of the time.
             is_clear = stays_clear(sine, cosine, t.displacement, t.velocity, t.alpha, t.beta,
                                    t.gamma)
             t.searched = LEG if is_clear else 0.0
@@ -154,7 +129,7 @@ def run(trajectory, events, cycle, phase):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def state_at(trajectory, cycle, phase):  # type: ignore[no-untyped-def]
+def state_at(trajectory: Record, cycle: Whole, phase: float) -> tuple[float, float]:
     """Return s and s' [1] at a moment (cycle, phase [rad]) before the next event."""
     t = trajectory
     if t.mode == RESTING:
@@ -174,18 +149,13 @@ class Simulation:
     Parameters
     ----------
     parameters : Parameters
-        In force at the start.
+        In force initially.
     initial : State
-        Where it starts; the displacement must be between the walls.
+        The initial condition; the displacement must be between the walls.
     noise : float
         Standard deviation of the Gaussian kick that an impact adds to the velocity [1].
     seed : int
-        Seed of the noise; every impact has its own draw.
-
-    Raises
-    ------
-    ValueError
-        If noise or seed are out of range.
+        Seed of the noise; every impact has its own draw. Out of range, both raise ValueError.
 
     Notes
     -----
@@ -256,8 +226,8 @@ class Simulation:
         return State(self._cycle, self._phase, displacement, velocity)
 
     @property
-    def is_resting_for_ever(self) -> bool:
-        """Whether the mass rests on a wall that it will never leave at these parameters."""
+    def is_permanently_at_rest(self) -> bool:
+        """Whether the driven gear rests on a wall that it never leaves at these parameters."""
         t = self._trajectory[0]
         towards = 1.0 if t['displacement'] == 0.0 else -1.0
         return t['mode'] == RESTING and math.isinf(
@@ -272,8 +242,8 @@ class Simulation:
         cycle, phase : int, float
             The moment: whole drive periods and phase [rad]. Going back is refused.
         most : int
-            How many events to return at the most, positive; if there are so many, the trajectory
-            stands at the last of them.
+            Largest number of events to return, positive; if it is reached, the trajectory stands
+            at the last of them.
 
         Returns
         -------
@@ -311,16 +281,7 @@ class Simulation:
         """
         Change the parameters now; displacement and velocity are continuous.
 
-        Parameters
-        ----------
-        parameters : Parameters
-            In force from now on.
-
-        Returns
-        -------
-        ndarray of EVENT, shape (n,)
-            The RETUNE record, after any records not yet handed out.
-
+        Returns an array of EVENT: the RETUNE record, after any records not yet returned.
         """
         displacement, velocity = self._now()
         t = self._trajectory[0]
@@ -333,23 +294,8 @@ class Simulation:
         """
         Set the state at the next moment that has a given drive phase; time never goes back.
 
-        Parameters
-        ----------
-        phase : float
-            Drive phase [rad], in [0, 2 pi).
-        displacement, velocity : float
-            The new state [1].
-
-        Returns
-        -------
-        ndarray of EVENT, shape (n,)
-            The RESET record, after any records not yet handed out.
-
-        Raises
-        ------
-        ValueError
-            If the state is out of range.
-
+        Phase is in rad, in [0, 2 pi), the others [1]. Returns an array of EVENT: the RESET record,
+        after any records not yet returned. Raises ValueError if the state is out of range.
         """
         state = State(0, phase, displacement, velocity)
         self._move_to_present()

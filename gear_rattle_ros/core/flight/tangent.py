@@ -16,9 +16,9 @@ def flight_matrix(d: float, beta: float) -> tuple[float, float]:
 def impact_matrix(phase: float, velocity: float, velocity_after: float, alpha: float, beta: float,
                   gamma: float, restitution: float) -> tuple[float, float, float]:
     """
-    Return S11, S21, S22 of an impact's tangent, ``S = [[v+/v-, 0], [(r a- + a+)/v-, -r]]``.
+    Return S11, S21, S22 of the saltation matrix ``S = [[v+/v-, 0], [(r a- + a+)/v-, -r]]``.
 
-    A perturbed trajectory meets the wall ``-ds/v-`` later; both are compared at the same time.
+    A neighbouring trajectory meets the wall ``-ds/v-`` later; both are compared at the same time.
     Without a kick ``v+/v- = -r`` and ``det S = r^2``. A contact without speed changes nothing.
     """
     if velocity == 0.0:

@@ -52,27 +52,13 @@ ROOM: Final = 1.02
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """
-    How long trajectories are looked at in a search.
+    """How long trajectories are looked at in a search."""
 
-    Attributes
-    ----------
-    stages : tuple
-        Impacts after which orbits are looked for, impacts that are then looked at, and the
-        longest period [impacts].
-    length : int
-        Impacts of each trajectory from which boxes are filled, at least.
-    coarser : int
-        Boxes are filled in blocks of so many along an edge at least.
-    averaged : int
-        Impacts over which exponents are averaged.
-
-    """
-
+    # Impacts after which orbits are looked for, impacts then looked at, and longest period.
     stages: tuple[tuple[int, int, int], ...]
-    length: int
-    coarser: int
-    averaged: int
+    length: int  # least number of impacts of each trajectory from which boxes are filled
+    coarser: int  # boxes are filled in blocks of at least this many along an edge
+    averaged: int  # impacts over which exponents are averaged
 
 
 # The first look: a tenth of a second for some hundred initial conditions.
@@ -86,40 +72,20 @@ SWEEP: Final = Effort((GLANCE, (3_000, 600, 256)), 3_000, 8, 8_000)
 
 @dataclasses.dataclass(frozen=True)
 class ChaoticSet:
-    """
-    A set on which trajectories stay, by its boxes.
+    """A set on which trajectories stay, by its boxes."""
 
-    Attributes
-    ----------
-    boxes : ndarray of bool, shape (2, BOXES, BOXES)
-        Wall, speed, phase.
-    speed : float
-        Greatest speed of the boxes [1].
-    states : ndarray of START, shape (n,)
-        Where trajectories on it stand, after the impacts that fill the boxes.
-    impacts : int
-        All of these impacts.
-    recurs : ndarray of bool, shape (n,)
-        Which of these trajectories have come to recur: they have left for an orbit. All of them
-        where others have come to rest.
-    orbit : str
-        Name of the shortest periodic orbit in it, which repels; averages over the set are known
-        with an error and fall on both sides of any rounding, an orbit is exact.
-    origin : ndarray of START, shape (m,)
-        The impacts of that orbit: what starts there is the same whichever trajectories showed it.
-    exponents : LyapunovReport
-        Of its first trajectory.
-
-    """
-
-    boxes: npt.NDArray[np.bool_]
-    speed: float
-    states: RecordArray
-    impacts: int
+    boxes: npt.NDArray[np.bool_]  # (wall, speed, phase), shape (2, BOXES, BOXES)
+    speed: float  # greatest speed of the boxes [1]
+    states: RecordArray  # START of trajectories on it, after the impacts that fill the boxes
+    impacts: int  # all of these impacts
+    # Which of these trajectories recur and so have left for an orbit; all if others came to rest.
     recurs: npt.NDArray[np.bool_]
+    # Name of the shortest periodic orbit in it, which repels. An orbit is exact, while averages
+    # over the set have an error and fall on both sides of any rounding.
     orbit: str
+    # START of its impacts: what begins there is the same whichever trajectories showed it.
     origin: RecordArray
-    exponents: LyapunovReport
+    exponents: LyapunovReport  # of its first trajectory
 
     @property
     def key(self) -> str:
@@ -140,26 +106,9 @@ class ChaoticSet:
 def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
                  tolerance: float) -> list[ChaoticSet]:
     """
-    Find the sets on which trajectories move.
+    Find the sets on which trajectories move that are past their transients, in order of names.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the trajectories.
-    starts : ndarray of START, shape (n,)
-        States of trajectories that are past their transients.
-    length : int
-        Impacts for which each is followed.
-    effort : Effort
-        How closely the sets are looked at.
-    tolerance : float
-        Largest distance of recurring impacts [1].
-
-    Returns
-    -------
-    list of ChaoticSet
-        In the order of their names; no two have the same.
-
+    Each is followed for `length` impacts; impacts within `tolerance` [1] recur.
     """
     rows, made = record_impacts(starts, 0, length)
     whole = made == length
@@ -327,10 +276,10 @@ def averages(parameters: Parameters, start: np.void, impacts: int) -> LyapunovRe
     simulation = Simulation(parameters, State(
         0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
     running = RunningLyapunov()
-    while simulation.impacts < impacts and not simulation.is_resting_for_ever:
+    while simulation.impacts < impacts and not simulation.is_permanently_at_rest:
         cycle, _ = simulation.moment
         running.update(simulation.advance(cycle + impacts, 0.0, 20_000))
-    return running.report()
+    return running.report
 
 
 def count_pieces(rows: RecordArray) -> int:

@@ -7,14 +7,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.lanes import advance, is_busy, refill, release, RUNS
 from ..flight.lanes_step import LANES
 from ..orbits.section import distance
 
 STEPS: Final = 256
-# What has become of a trajectory: captured; neither captured nor ended when its time was up; at
-# rest or floating for ever; never begun, as enough had escaped.
+# What has become of a trajectory: captured; neither captured nor ended when its time was up;
+# permanently at rest or floating; never begun, as enough had escaped.
 CAPTURED: Final = 1
 SURVIVED: Final = 0
 ENDED: Final = -1
@@ -23,24 +24,12 @@ UNUSED: Final = -2
 
 @dataclasses.dataclass(frozen=True)
 class EscapeRate:
-    """
-    Rate of a geometric law, from lifetimes of which some are censored.
+    """Rate of a geometric law, from lifetimes some of which are censored."""
 
-    Attributes
-    ----------
-    rate, error : float
-        Per impact [1], and its standard error.
-    escapes : int
-        Lifetimes that were seen to end.
-    at_risk : float
-        Impacts made by all trajectories while the law was counted [1].
-
-    """
-
-    rate: float
-    error: float
-    escapes: int
-    at_risk: float
+    rate: float  # per impact [1]
+    error: float  # its standard error [1]
+    escapes: int  # lifetimes that were seen to end
+    at_risk: float  # impacts of all trajectories while the law was counted [1]
 
     @property
     def mean(self) -> float:
@@ -56,28 +45,11 @@ class EscapeRate:
 def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
                 numbers: npt.ArrayLike = 1) -> EscapeRate:
     """
-    Estimate an escape rate: the maximum of the likelihood of a geometric law.
+    Estimate an escape rate per impact, the maximum likelihood of a geometric law after `skip`.
 
-    Of the impacts that are made after `skip` each is the last with the same probability: escapes
-    over impacts at risk, whatever the censoring.
-
-    Parameters
-    ----------
-    lifetimes : array_like
-        Impacts until each trajectory escaped or was given up [1].
-    censored : array_like of bool
-        Which were given up.
-    skip : float
-        The law holds from so many impacts on; what escapes earlier says nothing [1].
-    numbers : array_like of int
-        Independent trajectories with each of these lifetimes.
-
-    Returns
-    -------
-    EscapeRate
-        Its error is the scatter of independent trajectories, whether the law holds or not, and
-        at least that of one escape.
-
+    It is escapes over impacts at risk, whatever the censoring. `numbers` counts the independent
+    trajectories of each lifetime. The error is their scatter, whether the law holds or not, and at
+    least that of one escape.
     """
     life = np.asarray(lifetimes, np.float64)
     late = np.where(life > skip, numbers, 0)
@@ -92,38 +64,16 @@ def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
 
 
 @kernel
-def last_until_captured(  # type: ignore[no-untyped-def]
-        tile, impacts, starts, points, radius, skip, wanted, limit, lifetimes, fates, ends):
+def last_until_captured(tile: Record, impacts: RecordArray, starts: RecordArray,
+                        points: FloatArray, radius: float, skip: int, wanted: int, limit: int,
+                        lifetimes: IntArray, fates: IntArray, ends: FloatArray) -> None:
     """
-    Follow trajectories until enough of them are captured.
+    Follow trajectories until `wanted` of them are captured after more than `skip` impacts.
 
-    All lanes stay in use to the end, so no time is lost on a last long transient; for rates it
-    is as good, as they need only the escapes and the impacts at risk.
-
-    Parameters
-    ----------
-    tile : TILE record
-        All lanes free.
-    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
-        Room to work in.
-    starts : ndarray of START, shape (n,)
-        The starts.
-    points : ndarray of float, shape (q, 2)
-        Phases and velocities of the orbit [rad, 1].
-    radius : float
-        A trajectory is captured when each of q + 1 impacts in a row lies so near to its point of
-        the orbit [rad, 1].
-    skip, wanted : int
-        All stop when so many (wanted) were captured after more impacts than these (skip).
-    limit : int
-        Impacts after which a trajectory is given up.
-    lifetimes : ndarray of int, shape (n,)
-        Receives the impacts before the capture, or before the end.
-    fates : ndarray of int, shape (n,)
-        Receives CAPTURED, SURVIVED, ENDED or UNUSED.
-    ends : ndarray of float, shape (n, 3)
-        Receives phase, displacement and velocity of those that survive [rad, 1, 1].
-
+    One is captured when q + 1 impacts in a row lie within `radius` [rad, 1] of an orbit's `points`
+    (phases and velocities, shape (q, 2)), and given up after `limit` impacts. `lifetimes` receives
+    the impacts until then, `fates` CAPTURED, SURVIVED, ENDED or UNUSED, and `ends` phase,
+    displacement and velocity [rad, 1, 1]. No time goes into waiting for a last long transient.
     """
     q = len(points)
     # Impacts in a row that were near the orbit, and the point that the last was near.
@@ -176,6 +126,5 @@ def last_until_captured(  # type: ignore[no-untyped-def]
             ends[start, 2] = tile.velocity[i]
             if done:
                 release(tile, i)
-                row[i] = 0
-                made[i] = 0
+                row[i] = made[i] = 0
         following = refill(tile, starts, following, math.inf)

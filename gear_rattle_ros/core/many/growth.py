@@ -1,20 +1,20 @@
-"""Finite-time exponents of many starts: how far a small difference has grown after n impacts."""
+"""Finite-time exponents of many initial conditions: the growth of a small difference."""
 
 import math
 from typing import Final
 
 import numpy as np
 
+from .settling import STEPS as STEPS
 from .velocity_counts import is_stuck
+from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed
 from ..flight.elementary import length, logarithm
-from ..flight.lanes import advance, FLOATS, refill, release, RESTS
+from ..flight.lanes import advance, EMPTY, FLOATS, is_busy, refill, release, RESTS
 from ..flight.lanes_step import LANES
 from ..flight.tangent import flight_matrix, impact_matrix
 
-# Steps between two looks at the impacts.
-STEPS: Final = 48
 # A matrix is scaled back when an entry is larger or all are smaller than this or its inverse.
 LARGE: Final = 1e60
 
@@ -26,33 +26,14 @@ def largest_singular(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel
-def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-def]
+def grow(tile: Record, impacts: RecordArray, starts: RecordArray, count: int,
+         exponents: FloatArray) -> int:
     """
-    Follow starts for a number of impacts, and their tangent with them.
+    Follow initial conditions for `count` impacts with their tangent; return the impacts made.
 
-    The product of all flight and impact matrices takes a difference of the start, at fixed time,
-    to one just after the last impact; its logarithm per impact is the exponent (Ott, Chaos in
-    Dynamical Systems, ch. 4.4).
-
-    Parameters
-    ----------
-    tile : TILE record
-        With every lane free.
-    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
-        Room to work in.
-    starts : ndarray of START, shape (n,)
-        The starts.
-    count : int
-        Impacts, at least 1.
-    exponents : ndarray of float, shape (n,)
-        Receives the largest finite-time exponent per impact [1]: -inf where the mass sticks or
-        comes to rest, which forgets all differences; nan where it floats between the walls.
-
-    Returns
-    -------
-    int
-        Impacts made.
-
+    `exponents` receives the logarithm per impact of the product of all flight and saltation
+    matrices (Ott, Chaos in Dynamical Systems, ch. 4.4): -inf where the gear sticks or comes to
+    rest, nan where it floats between the walls.
     """
     product = np.zeros((LANES, 4))
     scale = np.zeros(LANES)
@@ -63,25 +44,17 @@ def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-de
     while True:
         before = following
         following = refill(tile, starts, following, float(count))
-        busy = 0
         for i in range(LANES):
-            if tile.start[i] == -1:
-                continue
-            busy += 1
             if tile.start[i] >= before:
-                product[i, 0] = 1.0
-                product[i, 1] = 0.0
-                product[i, 2] = 0.0
-                product[i, 3] = 1.0
-                scale[i] = 0.0
-                cycle[i] = 0
-                phase[i] = starts[tile.start[i]].phase
-        if busy == 0:
+                product[i, 0] = product[i, 3] = 1.0
+                product[i, 1] = product[i, 2] = scale[i] = 0.0
+                cycle[i], phase[i] = 0, starts[tile.start[i]].phase
+        if not is_busy(tile):
             return total
         advance(tile, impacts, STEPS)
         for i in range(LANES):
             number = tile.start[i]
-            if number == -1:
+            if number == EMPTY:
                 continue
             total += tile.count[i]
             stuck = False
@@ -91,8 +64,7 @@ def grow(tile, impacts, starts, count, exponents):  # type: ignore[no-untyped-de
                     stuck = True
                     break
                 d = elapsed(one.cycle - cycle[i], phase[i], one.phase)
-                cycle[i] = one.cycle
-                phase[i] = one.phase
+                cycle[i], phase[i] = one.cycle, one.phase
                 integral, decay = flight_matrix(d, tile.beta[i])
                 s11, s21, s22 = impact_matrix(
                     one.phase, one.velocity, -tile.restitution[i] * one.velocity, tile.alpha[i],

@@ -11,8 +11,7 @@ from ..flight.elementary import TWO_PI
 from ..orbits.orbit import fire, Orbit
 from ..orbits.section import turn
 
-# It is tried by starts on so many rays and shells, at most at so many points of an orbit, and
-# halved so often.
+# It is tried on rays and shells of initial conditions at some points of an orbit, and halved.
 RAYS: Final = 24
 SHELLS: Final = (1.0, 0.7, 0.4)
 POINTS_TRIED: Final = 8
@@ -23,8 +22,8 @@ def attracted(orbit: Orbit, tolerance: float) -> FloatArray:
     """
     Find by trial, at some points of a stable orbit, an ellipse that one period maps into itself.
 
-    It returns a quadratic form for every point, at most 1 in the ellipse, inf where none was found
-    or tried. Within a period nothing in it comes farther from the orbit than the tolerance [1].
+    Returns a quadratic form for each point, at most 1 in the ellipse, inf where none was found or
+    tried. Within a period nothing in it goes farther from the orbit than the tolerance [1].
     """
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     assert shot is not None

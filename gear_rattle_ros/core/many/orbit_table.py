@@ -12,7 +12,7 @@ from ..flight.elementary import TWO_PI
 from ..flight.lanes import EMPTY
 from ..orbits.orbit import Orbit
 
-# Cells reach so much beyond the fastest point.
+# Cells reach beyond the fastest point by this factor.
 ROOM: Final = 1.05
 # Points are rounded to this.
 GRAIN: Final = 2.0**-33
@@ -22,33 +22,11 @@ def make_table(orbits: Sequence[Orbit], tolerance: float, *,
                numbers: Sequence[int] | None = None, boxes: npt.ArrayLike = (),
                box_speed: float = 0.0, stay: int = 0) -> Table:
     """
-    Make the table of some attractors.
+    Make the table of some attractors for `classify`; orbits are labelled 0, 1, ... or `numbers`.
 
-    Parameters
-    ----------
-    orbits : sequence of Orbit
-        Periodic ones.
-    tolerance : float
-        Largest distance of a trajectory that is on its orbit [1].
-    numbers : sequence of int, optional
-        Their labels; 0, 1, ... by default.
-    boxes : array_like of int
-        Number of the chaotic attractor of each box, EMPTY for none; none at all by default.
-    box_speed : float
-        Greatest speed of the boxes [1].
-    stay : int
-        Impacts in the boxes after which a trajectory has settled.
-
-    Returns
-    -------
-    Table
-        For `classify`.
-
-    Raises
-    ------
-    ValueError
-        If there are too many points.
-
+    `boxes` has the number of the chaotic attractor of each box or EMPTY, `box_speed` is their
+    greatest speed [1]; after `stay` impacts in them a trajectory has settled. Raises ValueError
+    for too many points.
     """
     settings = np.zeros(1, SETTINGS)
     fastest = max((float(np.max(np.abs(orbit.velocities))) for orbit in orbits), default=0.0)
@@ -98,20 +76,7 @@ def _cells_near(point: np.void, tolerance: float, speed: float) -> list[int]:
 
 
 def dilated(boxes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """
-    Add to occupied boxes all their neighbours; phase is a circle.
-
-    Parameters
-    ----------
-    boxes : ndarray of bool, shape (2, BOXES, BOXES)
-        Wall, speed, phase.
-
-    Returns
-    -------
-    ndarray of bool
-        As many or more.
-
-    """
+    """Add to occupied boxes (wall, speed, phase) all their neighbours; phase is a circle."""
     wide = boxes | np.roll(boxes, 1, axis=2) | np.roll(boxes, -1, axis=2)
     tall = wide.copy()
     tall[:, 1:] |= wide[:, :-1]

@@ -6,16 +6,18 @@ import math
 import numpy as np
 
 from .neighbourhood import attracted
+from ..arrays import RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, is_pressed
 from ..flight.elementary import sine_cosine
 from ..model import Parameters, STICKING_SPEED, Wall
-from ..orbits.orbit import close_near, Orbit, RecordArray
+from ..orbits.orbit import close_near, Orbit
 from ..orbits.section import shortest_recurrence
 
 
 @kernel
-def last_sticks(row, restitution, alpha, beta, gamma, wall):  # type: ignore[no-untyped-def]
+def last_sticks(row: RecordArray, restitution: float, alpha: float, beta: float, gamma: float,
+                wall: int) -> tuple[int, int]:
     """Return the places of the last two impacts that stick to a wall, -1 for none."""
     last = -1
     for k in range(len(row) - 1, -1, -1):
@@ -36,25 +38,10 @@ def last_sticks(row, restitution, alpha, beta, gamma, wall):  # type: ignore[no-
 def find_orbit(parameters: Parameters, row: RecordArray, longest: int,
                tolerance: float) -> Orbit | None:
     """
-    Find the stable periodic orbit that a trajectory approaches.
+    Find the stable periodic orbit that a row of IMPACT approaches, in canonical order.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the trajectory.
-    row : ndarray of IMPACT, shape (m,)
-        Its last impacts.
-    longest : int
-        Longest period [impacts]; an orbit that sticks may be longer.
-    tolerance : float
-        Largest distance of recurring impacts [1].
-
-    Returns
-    -------
-    Orbit or None
-        The orbit, from its point of least (wall, phase) on; None where nothing recurs, or what
-        recurs is not stable.
-
+    Its period is at most `longest` impacts unless it sticks; None where nothing recurs within the
+    tolerance [1], or what recurs is unstable.
     """
     p = parameters
     for wall in Wall:

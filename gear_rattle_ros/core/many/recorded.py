@@ -5,29 +5,35 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from .settling import RecordArray, STEPS
+from .settling import STEPS
+from ..arrays import IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
-from ..flight.lanes import advance, EMPTY, IMPACT, new_impacts, new_tiles, refill, release, START
+from ..flight.lanes import (
+    advance,
+    EMPTY,
+    IMPACT,
+    is_busy,
+    new_impacts,
+    new_tiles,
+    refill,
+    release,
+    START,
+)
 from ..flight.lanes_step import LANES
 from ..model import Parameters
 
 
 @kernel
-def record(tile, impacts, starts, skip, rows, counts):  # type: ignore[no-untyped-def]
-    """
-    Follow starts and keep the impacts after the first `skip`, a row each.
-
-    `counts` receives how many there are: fewer than the row holds where the trajectory ends.
-    """
+def record(tile: Record, impacts: RecordArray, starts: RecordArray, skip: int, rows: RecordArray,
+           counts: IntArray) -> None:
+    """Follow initial conditions and keep the impacts after the first `skip`, a row each."""
+    # `counts` receives how many there are: fewer than the row holds where the trajectory ends.
     most = float(skip + rows.shape[1])
     following = 0
     while True:
         following = refill(tile, starts, following, most)
-        busy = 0
-        for i in range(LANES):
-            busy += tile.start[i] != EMPTY
-        if busy == 0:
+        if not is_busy(tile):
             return
         advance(tile, impacts, STEPS)
         for i in range(LANES):
@@ -45,24 +51,9 @@ def record(tile, impacts, starts, skip, rows, counts):  # type: ignore[no-untype
                 release(tile, i)
 
 
-def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordArray,
-                                                                        npt.NDArray[np.int64]]:
-    """
-    Follow starts and keep some impacts of each.
-
-    Parameters
-    ----------
-    starts : ndarray of START, shape (n,)
-        The starts.
-    skip, count : int
-        Impacts that are not kept, and those that are.
-
-    Returns
-    -------
-    tuple of ndarray
-        Impacts, shape (n, count), and how many there are of each start.
-
-    """
+def record_impacts(starts: RecordArray, skip: int,
+                   count: int) -> tuple[RecordArray, npt.NDArray[np.int64]]:
+    """Keep `count` impacts after the first `skip` of each; return them and how many there are."""
     rows = np.zeros((len(starts), count), IMPACT)
     counts = np.zeros(len(starts), np.int64)
     record(new_tiles(1)[0], new_impacts(STEPS), starts, skip, rows, counts)
@@ -71,22 +62,7 @@ def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordAr
 
 def starts_after(parameters: Parameters, walls: npt.ArrayLike, phases: npt.ArrayLike,
                  velocities: npt.ArrayLike) -> RecordArray:
-    """
-    Make starts just after impacts.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of every trajectory.
-    walls, phases, velocities : array_like
-        Walls, phases [rad] and velocities just before the impacts [1].
-
-    Returns
-    -------
-    ndarray of START, shape (n,)
-        Their next impact is the one after.
-
-    """
+    """Make initial conditions just after impacts with these phases [rad] and velocities before."""
     phases = np.mod(np.asarray(phases, np.float64), TWO_PI)
     starts = np.zeros(phases.shape, START)
     starts['phase'] = np.where(phases >= TWO_PI, 0.0, phases)

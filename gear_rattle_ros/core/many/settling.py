@@ -1,28 +1,28 @@
 """
-On which attractor every start of a tile settles, and since when.
+On which attractor every initial condition of a tile settles, and when.
 
-A consumer of the lanes: it holds every impact against a table of known attractors. A trajectory
-has settled on a periodic orbit when it is inside a neighbourhood of one of its points that is
-mapped into itself, all of it within the tolerance of the orbit; on an orbit that sticks when it
-sticks to the same wall, for then it leaves at the same phase; on a chaotic attractor when it has
-stayed in the cells of it for so many impacts.
+A trajectory has settled on a periodic orbit when it is inside a neighbourhood of one of its points
+that is mapped into itself, all of it within the tolerance of the orbit; on an orbit that sticks
+when it sticks to the same wall, for then it leaves at the same phase; on a chaotic attractor when
+it has stayed in its boxes for a given number of impacts.
 """
 
 import math
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import Record, RecordArray as RecordArray, Whole
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
 from ..flight.elementary import sine_cosine, TWO_PI
-from ..flight.lanes import advance, EMPTY, FLOATS, refill, release, RESTS
+from ..flight.lanes import advance, EMPTY, FLOATS, is_busy, refill, release, RESTS
 from ..flight.lanes_step import LANES
 from ..model import STICKING_SPEED
 from ..orbits.section import distance
 
-# Labels that are no number of an attractor of the table.
+# Labels of trajectories that settle on no attractor of the table.
 UNSETTLED: Final = -1
 RESTS_UPPER: Final = -2
 RESTS_LOWER: Final = -3
@@ -38,100 +38,55 @@ BOXES: Final = 512
 # A point of a periodic orbit: wall (0 upper, 1 lower), phase [rad], velocity, time since the
 # point before [1], the point after, the attractor, and the quadratic form that is at most 1 in
 # the neighbourhood which the orbit attracts for certain.
-POINT: Final = np.dtype(
-    [
-        ('wall', np.int64),
-        ('phase', np.float64),
-        ('velocity', np.float64),
-        ('flight_time', np.float64),
-        ('following', np.int64),
-        ('attractor', np.int64),
-        ('form', np.float64, 3),
-    ],
-    align=True,
-)
+POINT: Final = np.dtype([
+    ('wall', np.int64), ('phase', np.float64), ('velocity', np.float64),
+    ('flight_time', np.float64), ('following', np.int64), ('attractor', np.int64),
+    ('form', np.float64, 3),
+], align=True)
 # Points that lie near a cell, in a list: the point, the entry after this one or -1.
 ENTRY: Final = np.dtype([('point', np.int64), ('following', np.int64)], align=True)
-SETTINGS: Final = np.dtype(
-    [
-        ('tolerance', np.float64),
-        # Greatest speed of the cells, and of the boxes of chaotic attractors.
-        ('speed', np.float64),
-        ('box_speed', np.float64),
-        # Impacts in the cells of a chaotic attractor after which a trajectory has settled.
-        ('stay', np.int64),
-        # Attractor that sticks to the upper, to the lower wall; EMPTY for none.
-        ('sticks', np.int64, 2),
-    ],
-    align=True,
-)
+SETTINGS: Final = np.dtype([
+    ('tolerance', np.float64),
+    # Greatest speed of the cells, and of the boxes of chaotic attractors.
+    ('speed', np.float64), ('box_speed', np.float64),
+    # Impacts in the cells of a chaotic attractor after which a trajectory has settled.
+    ('stay', np.int64),
+    # Attractor that sticks to the upper, to the lower wall; EMPTY for none.
+    ('sticks', np.int64, 2),
+], align=True)
 # What is known of the trajectory in a lane.
-WATCH: Final = np.dtype(
-    [
-        ('impacts', np.int64),
-        ('cycle', np.int64),
-        ('phase', np.float64),
-        # The point that comes next and since when; EMPTY away from all of them.
-        ('point', np.int64),
-        ('since', np.int64),
-        # The chaotic attractor in whose cells it is, since when; EMPTY outside.
-        ('box', np.int64),
-        ('box_since', np.int64),
-        # As in RESULT.
-        ('stick', np.int64),
-        ('release', np.float64),
-    ],
-    align=True,
-)
-# What became of a start: attractor or one of the labels above, lifetime [impacts], impacts
-# followed, and for one that is unsettled the state just after the last of them. Where the
-# mass has stuck before it settled: impacts until then, EMPTY elsewhere, and the drive phase at
-# which it left the wall again, nan elsewhere: all that leave at the same phase go on as one.
-RESULT: Final = np.dtype(
-    [
-        ('label', np.int64),
-        ('lifetime', np.int64),
-        ('impacts', np.int64),
-        ('phase', np.float64),
-        ('displacement', np.float64),
-        ('velocity', np.float64),
-        ('stick', np.int64),
-        ('release', np.float64),
-    ],
-    align=True,
-)
-
-RecordArray: TypeAlias = npt.NDArray[np.void]
+WATCH: Final = np.dtype([
+    ('impacts', np.int64), ('cycle', np.int64), ('phase', np.float64),
+    # The point that comes next and since when; EMPTY away from all of them.
+    ('point', np.int64), ('since', np.int64),
+    # The chaotic attractor in whose cells it is, since when; EMPTY outside.
+    ('box', np.int64), ('box_since', np.int64),
+    # As in RESULT.
+    ('stick', np.int64), ('release', np.float64),
+], align=True)
+# The result of a trajectory: attractor or a label from above, lifetime [impacts], impacts
+# followed, and, if unsettled, the state just after the last of them. If the gear has stuck before
+# it settled: impacts until then (else EMPTY) and the drive phase at which it left the wall again
+# (else nan); all that leave at the same phase go on as one.
+RESULT: Final = np.dtype([
+    ('label', np.int64), ('lifetime', np.int64), ('impacts', np.int64), ('phase', np.float64),
+    ('displacement', np.float64), ('velocity', np.float64), ('stick', np.int64),
+    ('release', np.float64),
+], align=True)
 
 
 class Table(NamedTuple):
-    """
-    Known attractors, ready to be recognised.
+    """Known attractors, ready to be recognised."""
 
-    Attributes
-    ----------
-    settings : ndarray of SETTINGS, shape (1,)
-        Tolerances.
-    points : ndarray of POINT, shape (n,)
-        All points of all periodic orbits.
-    heads : ndarray of int, shape (2 * CELLS * CELLS,)
-        First entry of every cell, EMPTY for none.
-    entries : ndarray of ENTRY, shape (m,)
-        Lists of points.
-    boxes : ndarray of int, shape (2 * BOXES * BOXES,) or (0,)
-        Chaotic attractor of every box, EMPTY for none.
-
-    """
-
-    settings: RecordArray
-    points: RecordArray
-    heads: npt.NDArray[np.int16]
-    entries: RecordArray
-    boxes: npt.NDArray[np.int8]
+    settings: RecordArray  # SETTINGS, shape (1,)
+    points: RecordArray  # POINT: all points of all periodic orbits
+    heads: npt.NDArray[np.int16]  # first entry of each cell or EMPTY, shape (2 * CELLS * CELLS,)
+    entries: RecordArray  # ENTRY: lists of points
+    boxes: npt.NDArray[np.int8]  # chaotic attractor of each box or EMPTY; none of them, or all
 
 
 @kernel
-def cell_of(wall, phase, speed, greatest, cells):  # type: ignore[no-untyped-def]
+def cell_of(wall: int, phase: float, speed: float, greatest: float, cells: int) -> int:
     """Return the cell of a point [rad, 1] of the section, -1 beyond the greatest speed."""
     row = int(speed * (cells / greatest))
     if not 0 <= row < cells:
@@ -141,14 +96,15 @@ def cell_of(wall, phase, speed, greatest, cells):  # type: ignore[no-untyped-def
 
 
 @kernel
-def is_near(point, phase, velocity, flight_time, tolerance):  # type: ignore[no-untyped-def]
+def is_near(point: Record, phase: float, velocity: float, flight_time: float,
+            tolerance: float) -> bool:
     """Whether an impact is within the tolerance of a point; a flight time of nan may be any."""
     return (distance(velocity, phase, point.velocity, point.phase) <= tolerance
             and not abs(flight_time - point.flight_time) > tolerance)
 
 
 @kernel
-def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
+def is_caught(point: Record, phase: float, velocity: float) -> bool:
     """Whether an impact at a point's wall is in the neighbourhood that is mapped into itself."""
     turn = phase - point.phase
     if turn > math.pi:
@@ -161,15 +117,15 @@ def is_caught(point, phase, velocity):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_held(wall, phase, start):  # type: ignore[no-untyped-def]
-    """Whether a mass at rest on a wall is pressed against it."""
+def is_held(wall: int, phase: float, start: Record) -> bool:
+    """Whether a gear at rest on a wall is pressed against it."""
     sine, cosine = sine_cosine(phase)
     return is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma)
 
 
 @kernel
-def note_stick(w, wall, phase, start):  # type: ignore[no-untyped-def]
-    """Note when the mass first sticks, and at which phase it leaves."""
+def note_stick(w: Record, wall: int, phase: float, start: Record) -> None:
+    """Note when the gear first sticks, and at which phase it leaves."""
     delay = release_delay(1.0 - 2.0 * wall, phase, start.alpha, start.beta, start.gamma)
     if w.stick == EMPTY and delay < math.inf:
         w.stick = w.impacts
@@ -177,12 +133,8 @@ def note_stick(w, wall, phase, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
-    """
-    Hold one impact against the table.
-
-    Return the label and the lifetime [impacts], EMPTY and 0 while the trajectory has not settled.
-    """
+def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole, int]:
+    """Compare one impact with the table; return label and lifetime, EMPTY and 0 if not settled."""
     settings = table.settings[0]
     tolerance = settings.tolerance
     phase = impact.phase
@@ -191,8 +143,7 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
     first = w.impacts == 0
     flight_time = math.nan if first else elapsed(impact.cycle - w.cycle, w.phase, phase)
     w.impacts += 1
-    w.cycle = impact.cycle
-    w.phase = phase
+    w.cycle, w.phase = impact.cycle, phase
     n = w.impacts
     expected = w.point
     w.point = EMPTY
@@ -240,13 +191,10 @@ def watch(w, impact, start, table):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def uneventful(row, first, count, restitution, table):  # type: ignore[no-untyped-def]
-    """
-    Return the place of the first impact from `first` on that `watch` has to see, or `count`.
-
-    Those before it are near no point of an orbit and too fast to stick. The trajectory must be
-    near no orbit so far, and the table without chaotic attractors.
-    """
+def uneventful(row: RecordArray, first: int, count: int, restitution: float, table: Table) -> int:
+    """Return the place of the first impact from `first` on that `watch` has to see, or `count`."""
+    # Those before it are near no orbit and too fast to stick; the trajectory must be near no orbit
+    # so far, and the table without chaotic attractors.
     settings = table.settings[0]
     heads = table.heads
     along_speed = CELLS / settings.speed
@@ -265,44 +213,21 @@ def uneventful(row, first, count, restitution, table):  # type: ignore[no-untype
 
 
 @kernel
-def finish(tile, i, result, label, lifetime, impacts):  # type: ignore[no-untyped-def]
-    """Write what became of the start in a lane, and free the lane."""
-    result.label = label
-    result.lifetime = lifetime
-    result.impacts = impacts
-    result.phase = tile.phase[i]
-    result.displacement = tile.displacement[i]
-    result.velocity = tile.velocity[i]
+def finish(tile: Record, i: int, result: Record, label: int, lifetime: int, impacts: int) -> None:
+    """Write the result of the trajectory in a lane, and free the lane."""
+    result.label, result.lifetime, result.impacts = label, lifetime, impacts
+    result.phase, result.displacement, result.velocity = (
+        tile.phase[i], tile.displacement[i], tile.velocity[i])
     release(tile, i)
 
 
 @kernel
-def classify(tile, impacts, watches, starts, cap, table, results):  # type: ignore[no-untyped-def]
+def classify(tile: Record, impacts: RecordArray, watches: RecordArray, starts: RecordArray,
+             cap: int, table: Table, results: RecordArray) -> int:
     """
-    Follow starts until they settle.
+    Follow initial conditions until they settle or have made `cap` impacts; return all impacts.
 
-    Parameters
-    ----------
-    tile : TILE record
-        With every lane free.
-    impacts : ndarray of IMPACT, shape (LANES, STEPS + 1)
-        Room to work in.
-    watches : ndarray of WATCH, shape (LANES,)
-        Room to work in.
-    starts : ndarray of START, shape (n,)
-        The starts.
-    cap : int
-        Impacts after which a start is given up.
-    table : Table
-        The attractors.
-    results : ndarray of RESULT, shape (n,)
-        Receives what became of them.
-
-    Returns
-    -------
-    int
-        Impacts made.
-
+    `results` receives a RESULT each; `watches` (one per lane) and `impacts` are working memory.
     """
     following = 0
     total = 0
@@ -310,24 +235,17 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
     while True:
         before = following
         following = refill(tile, starts, following, float(cap))
-        busy = 0
         for i in range(LANES):
-            if tile.start[i] == EMPTY:
-                continue
-            busy += 1
             if tile.start[i] >= before:
                 w = watches[i]
-                w.impacts = 0
-                w.point = EMPTY
-                w.box = EMPTY
-                w.stick = EMPTY
-                w.release = math.nan
+                w.impacts, w.release = 0, math.nan
+                w.point = w.box = w.stick = EMPTY
                 start = starts[tile.start[i]]
                 if start.velocity == 0.0 and start.displacement in (0.0, -1.0):
                     held = int(-start.displacement)
                     if is_held(held, start.phase, start):
                         note_stick(w, held, start.phase, start)
-        if busy == 0:
+        if not is_busy(tile):
             return total
         advance(tile, impacts, STEPS)
         for i in range(LANES):
@@ -347,8 +265,7 @@ def classify(tile, impacts, watches, starts, cap, table, results):  # type: igno
                     k = uneventful(row, k, count, start.restitution, table)
                     if k > seen:
                         w.impacts += k - seen
-                        w.cycle = row[k - 1].cycle
-                        w.phase = row[k - 1].phase
+                        w.cycle, w.phase = row[k - 1].cycle, row[k - 1].phase
                     if k == count:
                         break
                 label, lifetime = watch(w, row[k], start, table)

@@ -35,49 +35,26 @@ MIDDLE: Final = 0.1
 class Change(enum.Enum):
     """What happens to an orbit on its branch."""
 
-    FOLD = 'fold'
-    PITCHFORK = 'pitchfork'
-    DOUBLING = 'doubling'
-    GRAZING = 'grazing'
+    # A pair of multipliers never reaches the unit circle: its product is below 1 along the branch.
+    FOLD = 'fold'  # alpha turns round
+    PITCHFORK = 'pitchfork'  # a multiplier is +1 though alpha does not turn round
+    DOUBLING = 'doubling'  # a multiplier is -1
+    GRAZING = 'grazing'  # the orbit ends, as an impact would be lost or gained
 
 
 @dataclasses.dataclass(frozen=True)
 class Turn:
-    """
-    A place on a branch where the orbit changes.
-
-    Attributes
-    ----------
-    change : Change
-        Alpha turns round (fold); a multiplier is +1 though it does not (pitchfork), or -1
-        (doubling); or the orbit cannot go on, as an impact would be lost or gained (grazing).
-        A pair never reaches the unit circle: its product is below 1 all along the branch.
-    alpha, uncertainty : float
-        Where, and how far off that can be [1].
-    orbit : Orbit
-        There, or the last one before.
-
-    """
+    """A place on a branch where the orbit changes."""
 
     change: Change
     alpha: float
-    uncertainty: float
-    orbit: Orbit
+    uncertainty: float  # of alpha [1]
+    orbit: Orbit  # there, or the last one before
 
 
 @dataclasses.dataclass(frozen=True)
 class Branch:
-    """
-    A family of orbits.
-
-    Attributes
-    ----------
-    orbits : tuple of Orbit
-        In order along the branch.
-    turns : tuple of Turn
-        Where it changes, in order.
-
-    """
+    """A family of orbits, and where it changes, in order along the branch."""
 
     orbits: tuple[Orbit, ...]
     turns: tuple[Turn, ...]
@@ -124,26 +101,8 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: 
     """
     Follow a periodic orbit in alpha by pseudo-arclength, through folds.
 
-    Parameters
-    ----------
-    orbit : Orbit
-        Where to begin.
-    direction : float
-        Sign of the first step in alpha.
-    low, high : float
-        Stop outside this range of alpha [1].
-    longest : float
-        Longest step [1], in all coordinates together.
-    most : int
-        Stop after so many orbits.
-    to_first_turn : bool
-        Whether to stop at the first change.
-
-    Returns
-    -------
-    Branch
-        The orbits and the changes.
-
+    `direction` is the sign of the first step. It stops outside [low, high], after `most` orbits,
+    or at the first change; `longest` bounds a step [1] in all coordinates together.
     """
     here = _Point(orbit.walls, orbit.points, orbit.parameters, is_own_image(orbit))
     ahead = np.zeros(len(here.vector))
@@ -186,19 +145,10 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: 
 
 def leaving(turn: Turn) -> list[Orbit]:
     """
-    Find the orbits that leave a branch where it doubles or loses its symmetry.
+    Find the orbits that leave a branch at a doubling or a pitchfork, close to it.
 
-    Parameters
-    ----------
-    turn : Turn
-        A doubling or a pitchfork.
-
-    Returns
-    -------
-    list of Orbit
-        Close to the change, on the side of alpha on which they exist: one of twice the period,
-        or two that are each other's mirror images; stable ones where any is.
-
+    That is one of twice the period, or two that are mirror images of each other, on the side of
+    alpha where they exist; stable ones if there are any.
     """
     old = turn.orbit
     turns = 2 if turn.change is Change.DOUBLING else 1
@@ -226,20 +176,7 @@ def leaving(turn: Turn) -> list[Orbit]:
 
 
 def is_own_image(orbit: Orbit) -> bool:
-    """
-    Whether an orbit is its own mirror image.
-
-    Parameters
-    ----------
-    orbit : Orbit
-        The orbit.
-
-    Returns
-    -------
-    bool
-        Whether s -> -1 - s, tau -> tau + pi maps it to itself; it never does under a load.
-
-    """
+    """Whether s -> -1 - s, tau -> tau + pi maps an orbit to itself; never under a load."""
     points = np.roll(orbit.points, orbit.impacts // 2, axis=0) * (1.0, -1.0)
     points[:, 0] = np.mod(points[:, 0] + math.pi, TWO_PI)
     image = dataclasses.replace(orbit, walls=1 - np.roll(orbit.walls, orbit.impacts // 2),

@@ -2,6 +2,7 @@
 
 import math
 
+from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
 from ..flight.elementary import relaxation, sine_cosine
@@ -10,13 +11,13 @@ from ..model import STICKING_SPEED
 
 
 @kernel
-def next_impact(  # type: ignore[no-untyped-def]
-        wall, phase, velocity, alpha, beta, gamma, restitution):
+def next_impact(wall: int, phase: float, velocity: float, alpha: float, beta: float, gamma: float,
+                restitution: float) -> tuple[int, int, float, float, float]:
     """
     Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1].
 
-    The wall is NO_WALL where the mass sticks first or meets none in 64 drive periods: there the
-    map is not smooth, or not defined. Phases are in rad, velocities just before an impact [1].
+    The wall is NO_WALL where the gear sticks first or meets no wall in a leg: there the map is not
+    smooth, or not defined.
     """
     towards = 1.0 if wall == UPPER else -1.0
     after = -restitution * velocity
@@ -31,8 +32,8 @@ def next_impact(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def derivatives(  # type: ignore[no-untyped-def]
-        phase, velocity, d, phase_next, velocity_next, alpha, beta, gamma, restitution):
+def derivatives(phase: float, velocity: float, d: float, phase_next: float, velocity_next: float,
+                alpha: float, beta: float, gamma: float, restitution: float) -> tuple[float, ...]:
     """
     Differentiate an impact by the phase and velocity of the one before, and by alpha.
 
@@ -44,7 +45,7 @@ def derivatives(  # type: ignore[no-untyped-def]
     after = -restitution * velocity
     leaving = acceleration(sine, cosine, after, alpha, beta, gamma)
     meeting = acceleration(sine_next, cosine_next, velocity_next, alpha, beta, gamma)
-    # At fixed time: a later start is a state that lies so much behind.
+    # At fixed time: a later take-off is a state that lies that much behind.
     way_phase = -after - integral * leaving
     way_velocity = -restitution * integral
     way_alpha = sine_next - sine - integral * cosine
@@ -61,13 +62,14 @@ def derivatives(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def shoot(  # type: ignore[no-untyped-def]
-        walls, points, alpha, beta, gamma, restitution, defects, jacobian, times):
+def shoot(walls: IntArray, points: FloatArray, alpha: float, beta: float, gamma: float,
+          restitution: float, defects: FloatArray, jacobian: FloatArray,
+          times: FloatArray) -> bool:
     """
     Map every impact of a closed sequence on; False where a flight ends at another wall.
 
-    `defects` receives what is missing to a periodic orbit [rad, 1], `jacobian` its derivatives by
-    the points and, in the last column, by alpha, and `times` the flight times [1].
+    `defects` receives how far it is from closing [rad, 1], `jacobian` their derivatives by the
+    points and, in the last column, by alpha, and `times` the flight times [1].
     """
     q = len(walls)
     jacobian[:] = 0.0

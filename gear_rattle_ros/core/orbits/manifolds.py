@@ -3,8 +3,8 @@ How far the unstable manifold of a saddle orbit stays from its stable manifold.
 
 A boundary crisis is their tangency (Grebogi, Ott & Yorke 1983): the attractor is bounded by the
 one, its basin by the other. Points of the unstable manifold are mapped until they come back near
-the saddle; there the unstable coordinate, pulled back to where they came in, is the distance
-across the stable manifold with a sign.
+the saddle; there the unstable coordinate, pulled back to where they came in, is the signed
+distance across the stable manifold.
 """
 
 import dataclasses
@@ -17,20 +17,20 @@ import numpy.typing as npt
 from .impact_map import next_impact
 from .orbit import fire, Orbit
 from .section import distances
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import exp_minus, logarithm, TWO_PI
 
-# The unstable manifold is straight so far from the saddle [1], to the square of this.
+# The unstable manifold is straight this far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6
-# A return is seen within so much of the saddle, across the stable manifold and along it [1].
+# A return is seen this near to the saddle, across the stable manifold and along it [1].
 ACROSS: Final = 0.03
 ALONG: Final = 0.3
-# A return counts after so many turns near the saddle: the coordinate is then exact.
+# Turns near the saddle after which a return counts: the coordinate is then exact.
 TURNS: Final = 2
 NEVER: Final = -1e9
-# Refining a maximum: so many samples of a bracket that shrinks by so much, so often.
+# Refining a maximum: samples of a bracket, the factor by which it shrinks, and how often.
 SAMPLES: Final = 17
 SHRINK: Final = 5.0
 ROUNDS: Final = 10
@@ -38,25 +38,11 @@ ROUNDS: Final = 10
 
 @dataclasses.dataclass(frozen=True)
 class Saddle:
-    """
-    A saddle orbit with its directions at the first impact.
-
-    Attributes
-    ----------
-    orbit : Orbit
-        With real multipliers, one outside the unit circle and one inside.
-    unstable, stable : ndarray of float, shape (2,)
-        Unit vectors (phase, velocity); the unstable one points away from the orbit that
-        captures.
-    rows : ndarray of float, shape (2, 2)
-        Rows that give the unstable and the stable coordinate.
-
-    """
+    """A saddle orbit (one real multiplier outside the unit circle) with its unstable direction."""
 
     orbit: Orbit
-    unstable: FloatArray
-    stable: FloatArray
-    rows: FloatArray
+    unstable: FloatArray  # unit vector (phase, velocity) at the first impact
+    rows: FloatArray  # give the unstable and the stable coordinate, shape (2, 2)
 
     @property
     def expansion(self) -> float:
@@ -77,47 +63,15 @@ class Saddle:
 
 @dataclasses.dataclass(frozen=True)
 class Edge:
-    """
-    The return of the unstable manifold that comes nearest to crossing the stable one.
+    """The return of the unstable manifold that comes nearest to crossing the stable one."""
 
-    Attributes
-    ----------
-    distance : float
-        Across the stable manifold [1]; positive beyond it: trajectories escape.
-    place : float
-        Where on the unstable manifold, in periods of the saddle from `SEED_DISTANCE` on [1].
-    impacts : int
-        Impacts from there to the return.
-
-    """
-
-    distance: float
-    place: float
-    impacts: int
+    distance: float  # across the stable manifold [1]; positive beyond it: trajectories escape
+    place: float  # on the unstable manifold, in periods of the saddle from `SEED_DISTANCE` on [1]
+    impacts: int  # from there to the return
 
 
 def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
-    """
-    Find the directions of a saddle.
-
-    Parameters
-    ----------
-    orbit : Orbit
-        The saddle, with positive multipliers.
-    captor : Orbit
-        The orbit on the other side, as many impacts.
-
-    Returns
-    -------
-    Saddle
-        With the unstable direction that points away from the captor.
-
-    Raises
-    ------
-    ValueError
-        If the orbit is no such saddle.
-
-    """
+    """Find the directions of a saddle, the unstable one away from the captor (as many impacts)."""
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     first, second = orbit.multipliers
     if shot is None or first.imag != 0.0 or not first.real > 1.0 > second.real > 0.0:
@@ -132,7 +86,7 @@ def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
     if rows[0] @ aside > 0.0:
         vectors[:, 0] *= -1.0
         rows[0] *= -1.0
-    return Saddle(orbit, vectors[:, 0], vectors[:, 1], rows)
+    return Saddle(orbit, vectors[:, 0], rows)
 
 
 def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
@@ -141,15 +95,16 @@ def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
 
 
 @kernel
-def returns(  # type: ignore[no-untyped-def]
-        places, seed, wall, period, point, unstable, rows, expansion, impacts, alpha, beta, gamma,
-        restitution, distances, numbers):
+def returns(places: FloatArray, seed: float, wall: int, period: int, point: FloatArray,
+            unstable: FloatArray, rows: FloatArray, expansion: float, impacts: int, alpha: float,
+            beta: float, gamma: float, restitution: float, distances: FloatArray,
+            numbers: IntArray) -> None:
     """
     Map points of the unstable manifold on and find their farthest return.
 
     Places are in periods of the saddle [1] from the distance `seed` on. `distances` receives how
-    far beyond the stable manifold they come [1], NEVER without a return, and `numbers` after how
-    many impacts.
+    far beyond the stable manifold they come [1] (NEVER without a return), `numbers` after how many
+    impacts.
     """
     entered = np.empty(period, np.int64)
     crossed = np.empty(period)
@@ -200,28 +155,10 @@ def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candi
     """
     Find the return that comes nearest to crossing the stable manifold, or crosses it farthest.
 
-    Parameters
-    ----------
-    saddle : Saddle
-        The saddle.
-    samples : int
-        Points of the unstable manifold, over one period.
-    impacts : int
-        How far they are mapped.
-    candidates : int
-        So many of the largest local maxima are refined.
-    near : float, optional
-        Look only near this place [1], a tenth of the samples over a hundredth of a period.
-    seed : float
-        Distance from the saddle at which the manifold begins [1].
-    offset : float
-        By which part of their spacing the samples are shifted [1].
-
-    Returns
-    -------
-    Edge
-        Its `distance` is `NEVER` where nothing returns.
-
+    `samples` points over one period of the unstable manifold, from the distance `seed` on [1] and
+    shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest maxima
+    are refined. With `near`, only a hundredth of a period about this place is searched. Without
+    any return `distance` is `NEVER`.
     """
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
         p = saddle.orbit.parameters

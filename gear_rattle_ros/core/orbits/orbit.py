@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .impact_map import shoot
 from .section import distances
-from ..arrays import FloatArray
+from ..arrays import FloatArray, RecordArray
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import TWO_PI
 from ..model import Parameters
@@ -23,48 +23,26 @@ REPEATS: Final = 1e-7
 NEWTON_STEPS: Final = 40
 # A point that moves further than this has left the orbit [1].
 REACH: Final = 0.5
-# Impacts that nearly recur are so near to the orbit that they belong to [1].
+# Impacts that nearly recur lie this near to their orbit [1].
 NEAR: Final = 0.05
-# A multiplier this near to the unit circle is not told from it.
+# A multiplier this near to the unit circle counts as on it.
 NEUTRAL: Final = 1e-9
-
-RecordArray = npt.NDArray[np.void]
 
 
 @dataclasses.dataclass(frozen=True)
 class Orbit:
-    """
-    A periodic orbit, stable or not.
-
-    Attributes
-    ----------
-    parameters : Parameters
-        Of the model.
-    walls : ndarray of int, shape (q,)
-        `Wall` of each impact in order.
-    points : ndarray of float, shape (q, 2)
-        Phase and velocity just before each impact [rad, 1].
-    flight_times : ndarray of float, shape (q,)
-        Time since the impact before [1].
-    drive_periods : int
-        Period [drive periods].
-    multipliers : ndarray of complex, shape (2,)
-        Eigenvalues of the derivative of one period [1], the larger first; zeros where it sticks.
-    sticks : int
-        The wall to which it sticks for a while, NO_WALL if it does not.
-    forms : ndarray of float, shape (q, 3), or None
-        Quadratic form of (phase, velocity) at each point, at most 1 in a neighbourhood that the
-        orbit attracts for certain, inf where none is known; None where none was sought.
-
-    """
+    """A periodic orbit of q impacts, stable or not."""
 
     parameters: Parameters
-    walls: npt.NDArray[np.int64]
-    points: FloatArray
-    flight_times: FloatArray
+    walls: npt.NDArray[np.int64]  # `Wall` of each impact in order
+    points: FloatArray  # phase and velocity just before each impact [rad, 1], shape (q, 2)
+    flight_times: FloatArray  # since the impact before [1]
     drive_periods: int
-    multipliers: npt.NDArray[np.complex128]
-    sticks: int = NO_WALL
+    multipliers: npt.NDArray[np.complex128]  # of one period, the larger first; zeros if it sticks
+    sticks: int = NO_WALL  # the wall to which it sticks for a while
+    # At each point, a quadratic form of (phase, velocity) that is at most 1 in a neighbourhood
+    # which the orbit certainly attracts, inf where none is known, shape (q, 3); None where not
+    # sought.
     forms: FloatArray | None = None
 
     @property
@@ -130,23 +108,11 @@ class Orbit:
 
 @dataclasses.dataclass(frozen=True)
 class Shot:
-    """
-    One round of a closed sequence of impacts.
+    """One round of a closed sequence of q impacts."""
 
-    Attributes
-    ----------
-    defects : ndarray of float, shape (2 q,)
-        What is missing to a periodic orbit [rad, 1].
-    jacobian : ndarray of float, shape (2 q, 2 q + 1)
-        Its derivatives by the points, and in the last column by alpha.
-    times : ndarray of float, shape (q,)
-        Flight time from each impact to the next [1].
-
-    """
-
-    defects: FloatArray
-    jacobian: FloatArray
-    times: FloatArray
+    defects: FloatArray  # how far it is from closing [rad, 1], shape (2 q,)
+    jacobian: FloatArray  # their derivatives by the points, and in the last column by alpha
+    times: FloatArray  # flight time from each impact to the next [1]
 
     @functools.cached_property
     def blocks(self) -> FloatArray:
@@ -165,9 +131,8 @@ class Shot:
 
 def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters) -> Shot | None:
     """Map a closed sequence of impacts on; None where a flight sticks or ends at another wall."""
-    q = len(walls)
+    q, p = len(walls), parameters
     defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
-    p = parameters
     closed = shoot(walls, points, p.alpha, p.beta, p.gamma, p.restitution, defects, jacobian,
                    times)
     return Shot(defects, jacobian, times) if closed else None
@@ -176,24 +141,9 @@ def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameter
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,
                 reach: float = REACH) -> Orbit | None:
     """
-    Find a periodic orbit near a sequence of impacts, by Newton's method.
+    Find a periodic orbit near impacts (phase, velocity) by Newton's method; None without one.
 
-    Parameters
-    ----------
-    walls : ndarray of int, shape (q,)
-        Walls in order.
-    points : ndarray of float, shape (q, 2)
-        Phases and velocities [rad, 1], near the orbit.
-    parameters : Parameters
-        The parameters.
-    reach : float
-        Farthest that a point may move [1].
-
-    Returns
-    -------
-    Orbit or None
-        None where there is none near.
-
+    No point may move farther than `reach` [1].
     """
     walls = np.ascontiguousarray(walls, np.int64)
     seed = np.array(points, np.float64).reshape(len(walls), 2)
@@ -231,12 +181,9 @@ def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
 
 
 def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -> FloatArray:
-    """
-    Solve ``jacobian z = defects`` and ``row z = right``: changes of the points, then of alpha.
-
-    Every impact depends on the one before alone, so all are expressed by the first: what is left
-    are three equations, however long the orbit is. It raises LinAlgError where they are singular.
-    """
+    """Solve ``jacobian z = defects``, ``row z = right``: changes of the points and of alpha."""
+    # Each impact depends on the one before alone, so all are expressed by the first, which leaves
+    # three equations however long the orbit is. Raises LinAlgError where they are singular.
     q = len(defects) // 2
     # Impact k is carried[k] times (first phase, first velocity, alpha, 1).
     carried = np.zeros((q + 1, 2, 4))
@@ -272,43 +219,13 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
 
 
 def close_near(parameters: Parameters, row: RecordArray) -> Orbit | None:
-    """
-    Close a stretch of impacts that nearly recurs to a periodic orbit.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of the trajectory.
-    row : ndarray of IMPACT, shape (q,)
-        The impacts of about one period.
-
-    Returns
-    -------
-    Orbit or None
-        None where there is none within `NEAR`.
-
-    """
+    """Close a row of IMPACT, about one period, to an orbit within `NEAR`; None without one."""
     return close_orbit(np.signbit(row['velocity']).astype(np.int64),
                        np.stack([row['phase'], row['velocity']], axis=1), parameters, NEAR)
 
 
 def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:
-    """
-    Whether two orbits are the same, whichever impact they begin with.
-
-    Parameters
-    ----------
-    a, b : Orbit
-        The orbits.
-    tolerance : float
-        Largest distance of an impact [rad, 1].
-
-    Returns
-    -------
-    bool
-        Whether they are.
-
-    """
+    """Whether two orbits agree to a tolerance [rad, 1], whichever impact they begin with."""
     if a.impacts != b.impacts or a.drive_periods != b.drive_periods:
         return False
     for shift in range(a.impacts):

@@ -5,18 +5,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, RecordArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
 
 
 @kernel
-def distance(velocity_a, phase_a, velocity_b, phase_b):  # type: ignore[no-untyped-def]
-    """
-    Return the larger difference of phase, around the circle, and velocity of two impacts [1].
-
-    It is inf at different walls: a velocity just before an impact is positive at the upper wall.
-    """
+def distance(velocity_a: float, phase_a: float, velocity_b: float, phase_b: float) -> float:
+    """Return the larger difference of phase (around the circle) and velocity [1]."""
+    # It is inf at different walls: a velocity just before an impact is positive at the upper wall.
     if math.copysign(1.0, velocity_a) != math.copysign(1.0, velocity_b):
         return math.inf
     turned = abs(phase_a - phase_b)
@@ -39,25 +36,9 @@ def distances(velocity_a: npt.ArrayLike, phase_a: npt.ArrayLike, velocity_b: npt
 
 
 @kernel
-def shortest_recurrence(row, longest, tolerance):  # type: ignore[no-untyped-def]
-    """
-    Find the smallest lag at which impacts recur until the end.
-
-    Parameters
-    ----------
-    row : ndarray of IMPACT, shape (m,)
-        Successive impacts.
-    longest : int
-        Longest lag; two of them must fit.
-    tolerance : float
-        Largest distance of an impact from the one before it by the lag [1].
-
-    Returns
-    -------
-    int
-        The lag, 0 for none; over it whole drive periods pass, at least one.
-
-    """
+def shortest_recurrence(row: RecordArray, longest: int, tolerance: float) -> int:
+    """Return the smallest lag at which a row of IMPACT recurs to its end, 0 without one."""
+    # Two lags must fit into the row, and whole drive periods, at least one, pass in each.
     m = len(row)
     for q in range(1, min(longest, m // 2) + 1):
         cycles = row[m - 1].cycle - row[m - 1 - q].cycle

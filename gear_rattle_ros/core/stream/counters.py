@@ -13,23 +13,11 @@ from ..model import EventArray
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """
-    Where a stream stands on its axes.
+    """Where a stream stands on its axes, which go on where a counter is full or begins anew."""
 
-    Attributes
-    ----------
-    impact : int
-        Number of the last impact, counted on where the record's index is full or begins anew.
-    cycle : int
-        Completed drive periods, counted on in the same way.
-    event : EVENT record
-        The last event.
-
-    """
-
-    impact: int
-    cycle: int
-    event: np.void
+    impact: int  # number of the last impact
+    cycle: int  # completed drive periods
+    event: np.void  # the last EVENT
 
     @property
     def drive_time(self) -> float:
@@ -43,22 +31,7 @@ def ahead(event: np.void, before: np.void, name: str) -> int:
 
 
 def advanced(place: Place | None, piece: Piece) -> Place:
-    """
-    Go on to the end of a piece of the stream.
-
-    Parameters
-    ----------
-    place : Place or None
-        The end of the piece before it; None at the beginning.
-    piece : Piece
-        The next one; where it begins anew, the axes go on from where they are.
-
-    Returns
-    -------
-    Place
-        Its last event.
-
-    """
+    """Return the place at the end of the next piece; `place` is None at the beginning."""
     first, last = piece.events[0], piece.events[-1].copy()
     if place is None:
         impact, cycle, base = int(first['index']), int(first['cycle']), first
@@ -70,42 +43,12 @@ def advanced(place: Place | None, piece: Piece) -> Place:
 
 
 def impact_numbers(events: EventArray, place: Place) -> npt.NDArray[np.int64]:
-    """
-    Give every event the number of its impact.
-
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        Records that lead up to a place without a restart.
-    place : Place
-        The place.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        Number of the last impact at each.
-
-    """
+    """Give events that lead up to a place without a restart the number of the last impact."""
     return np.asarray(
         place.impact - (place.event['index'] - events['index']).astype(np.int64), np.int64)
 
 
 def drive_times(events: EventArray, place: Place) -> FloatArray:
-    """
-    Give events their drive time.
-
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        Records that lead up to a place without a restart.
-    place : Place
-        The place.
-
-    Returns
-    -------
-    ndarray of float, shape (n,)
-        Drive periods [1].
-
-    """
+    """Give events that lead up to a place without a restart their drive time [drive periods]."""
     cycles = place.cycle - (place.event['cycle'] - events['cycle']).astype(np.int64)
     return np.asarray(cycles + events['phase'] / TWO_PI, np.float64)

@@ -17,24 +17,13 @@ POINT: Final = np.dtype(
 )
 # The numbers by which sensor_msgs/PointField calls the types.
 _DATATYPES: Final = {
-    np.dtype(np.uint32): 6,
-    np.dtype(np.float32): 7,
-    np.dtype(np.float64): 8,
-}
+    np.dtype(np.uint32): 6, np.dtype(np.float32): 7, np.dtype(np.float64): 8}
 # Name, offset, datatype and count of a field, as in sensor_msgs/PointField.
 Field = tuple[str, int, int, int]
 
 
 def point_fields() -> list[Field]:
-    """
-    Describe a POINT.
-
-    Returns
-    -------
-    list of tuple
-        Name, offset [byte], datatype (sensor_msgs/PointField's number) and count of each field.
-
-    """
+    """Return name, offset [byte], datatype and count of each field of a POINT."""
     layout = ((name, POINT.fields[name]) for name in POINT.names or () if POINT.fields)
     return [(name, int(field[1]), _DATATYPES[field[0]], 1) for name, field in layout]
 
@@ -42,33 +31,9 @@ def point_fields() -> list[Field]:
 def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bool,
                 data: memoryview, names: Sequence[str]) -> EventArray:
     """
-    Look at some EVENT fields of a point cloud where they lie.
+    View the EVENT fields `names` of a point cloud where they lie, without a copy.
 
-    Parameters
-    ----------
-    fields : iterable of tuple
-        Name, offset [byte], datatype and count of each field of the cloud.
-    count : int
-        Number of points.
-    step : int
-        Length of a point [byte].
-    is_bigendian : bool
-        Order of the bytes.
-    data : memoryview
-        The points.
-    names : sequence of str
-        Fields of EVENT.
-
-    Returns
-    -------
-    structured ndarray, shape (count,)
-        A view with these fields.
-
-    Raises
-    ------
-    ValueError
-        If a field is missing, there twice or of another type, or the data is too short.
-
+    Raises ValueError if a field is missing, there twice or of another type, or the data too short.
     """
     layout = _layout(tuple(fields), step, is_bigendian, tuple(names))
     if data.nbytes < count * step:
@@ -112,29 +77,7 @@ def decode_points(fields: Iterable[Field], count: int, step: int, is_bigendian: 
     """
     Copy EVENT records out of a point cloud, whatever its other fields are.
 
-    Parameters
-    ----------
-    fields : iterable of tuple
-        Name, offset [byte], datatype and count of each field of the cloud.
-    count : int
-        Number of points.
-    step : int
-        Length of a point [byte].
-    is_bigendian : bool
-        Order of the bytes.
-    data : memoryview
-        The points.
-
-    Returns
-    -------
-    ndarray of EVENT, shape (count,)
-        The records.
-
-    Raises
-    ------
-    ValueError
-        If the cloud does not fit, or holds values that no simulator writes.
-
+    Raises ValueError if the cloud does not fit, or holds values that no simulator writes.
     """
     raw = view_points(fields, count, step, is_bigendian, data, EVENT.names or ())
     events = np.empty(count, EVENT)
@@ -149,15 +92,10 @@ def check_events(events: EventArray) -> None:
     if not len(events):
         return
     for name, low, high in (
-        ('kind', 0, max(EventKind)),
-        ('phase', 0.0, 2.0 * math.pi),
-        ('displacement', -1.0, 0.0),
-        ('velocity', -math.inf, math.inf),
-        ('velocity_after', -math.inf, math.inf),
-        ('alpha', 0.0, ALPHA_MAXIMUM),
-        ('beta', 0.0, BETA_MAXIMUM),
-        ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM),
-        ('restitution', 0.0, 1.0),
+        ('kind', 0, max(EventKind)), ('phase', 0.0, 2.0 * math.pi), ('displacement', -1.0, 0.0),
+        ('velocity', -math.inf, math.inf), ('velocity_after', -math.inf, math.inf),
+        ('alpha', 0.0, ALPHA_MAXIMUM), ('beta', 0.0, BETA_MAXIMUM),
+        ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM), ('restitution', 0.0, 1.0),
     ):
         column = events[name]
         good = (column >= low) & (column <= high) & np.isfinite(column)

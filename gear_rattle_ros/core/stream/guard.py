@@ -5,47 +5,29 @@ import dataclasses
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
+from ..arrays import RecordArray
 from ..compiled import kernel
 from ..model import EventArray, EventKind
 
 STICK, RETUNE = int(EventKind.STICK), int(EventKind.RETUNE)
 # The fields by which a stream is judged.
 GUARDED: Final = ('kind', 'index', 'epoch', 'cycle', 'phase')
-# Holes that are kept one by one; all of them are counted.
+# Holes that are kept; all of them are counted.
 LATEST_HOLES: Final = 1000
 
 
 @dataclasses.dataclass(frozen=True)
 class Hole:
-    """
-    Records that were never seen.
+    """Records that were never seen."""
 
-    Attributes
-    ----------
-    after : tuple of int
-        Index and epoch of the last record before it.
-    before : tuple of int
-        Index and epoch of the first record behind it.
-    lost : int
-        Impacts missing; 0 where only retunes, resets or releases are.
-
-    """
-
-    after: tuple[int, int]
-    before: tuple[int, int]
-    lost: int
+    after: tuple[int, int]  #: Index and epoch of the last record before it.
+    before: tuple[int, int]  #: Index and epoch of the first record behind it.
+    lost: int  #: Impacts missing; 0 where only retunes, resets or releases are.
 
     def describe(self) -> str:
-        """
-        Say what is missing.
-
-        Returns
-        -------
-        str
-            Numbers of the impacts, modulo 2^32, and the epochs they belong to.
-
-        """
+        """Return the missing impacts, modulo 2^32, and their epochs in words."""
         epochs = f'epoch {self.after[1]}'
         if self.before[1] != self.after[1]:
             epochs = f'epochs {self.after[1]} to {self.before[1]}'
@@ -59,37 +41,20 @@ class Hole:
 
 @dataclasses.dataclass(frozen=True)
 class Piece:
-    """
-    A stretch of events without a hole.
+    """A stretch of events without a hole."""
 
-    Attributes
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        The records, n > 0.
-    follows : bool
-        Whether the first record follows from the last one seen before it.
-    lost : int
-        Impacts missing before the first record; 0 where it follows, where only other records
-        are missing, at the very beginning and at a restart.
-    reason : str
-        Why it does not follow: 'start', 'gap', 'restart'; empty where it does.
-
-    """
-
-    events: EventArray
-    follows: bool
-    lost: int
-    reason: str
+    events: EventArray  #: The records, at least one.
+    follows: bool  #: Whether the first record follows from the last one seen before it.
+    lost: int  #: Impacts missing before the first record, where that is known.
+    reason: str  #: Why it does not follow: 'start', 'gap', 'restart'; empty where it does.
 
 
 @kernel
-def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
-    """
-    Hold every record against the one before it.
-
-    `jumps` receives the impacts missing before each, negative where the numbers run backwards. Of
-    the record before the first, the fields of `GUARDED` are enough.
-    """
+def compare(last: RecordArray, events: RecordArray, jumps: npt.NDArray[np.int32],
+            follows: npt.NDArray[np.bool_]) -> None:
+    """Compare every record with the one before it."""
+    # `jumps` receives the impacts missing before each, negative where the numbers run backwards.
+    # The record before the first needs only the fields of `GUARDED`.
     p = last[0]
     kind, index, epoch, cycle, phase = p.kind, p.index, p.epoch, p.cycle, p.phase
     for i in range(len(events)):
@@ -99,7 +64,7 @@ def compare(last, events, jumps, follows):  # type: ignore[no-untyped-def]
         jumps[i] = np.int32(np.uint32(event.index - index - counted))
         passed = np.int32(np.uint32(event.cycle - cycle))
         goes_back = passed < 0 or (passed == 0 and event.phase < phase)
-        # A mass that sticks hits nothing before it is released.
+        # A gear that sticks hits nothing before it is released.
         follows[i] = (
             jumps[i] == 0 and np.uint32(event.epoch - epoch - begins) == 0
             and not goes_back and not (kind == STICK and counted == 1))
@@ -135,20 +100,7 @@ class StreamGuard:
         self._last: EventArray | None = None
 
     def split(self, events: EventArray) -> list[Piece]:
-        """
-        Take the next batch.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records.
-
-        Returns
-        -------
-        list of Piece
-            The batch, cut at every hole.
-
-        """
+        """Take the next batch, an array of EVENT, and return it cut at every hole."""
         if not len(events):
             return []
         is_first = self._last is None

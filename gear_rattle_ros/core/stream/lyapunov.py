@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from .guard import StreamGuard
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed
 from ..flight.elementary import length, logarithm, sine_cosine
@@ -19,89 +20,41 @@ BLOCKS: Final = 64
 FIRST_BLOCK: Final = 16
 FEWEST_BLOCKS: Final = 16
 
-ESTIMATE: Final = np.dtype(
-    [
-        ('basis', np.float64, 4),
-        ('impacts', np.int64),
-        ('sticks', np.int64),
-        ('ringed', np.int64),
-        ('retunes', np.int64),
-        ('retunes_before', np.int64),
-        ('carried', np.float64),
-        ('origin', np.float64),
-        ('impulse', np.float64, 2),
-        ('exact_impulse', np.float64, 2),
-        ('duration', np.float64, 2),
-        ('sum_1', np.float64, 2),
-        ('sum_2', np.float64, 2),
-        ('exact', np.float64, 2),
-        ('time', np.float64, 2),
-        ('pending_exact', np.float64),
-        ('pending_time', np.float64),
-        ('block_length', np.int64),
-        ('blocks', np.int64),
-        ('in_block', np.int64),
-        ('block_1', np.float64, BLOCKS + 1),
-        ('block_2', np.float64, BLOCKS + 1),
-    ],
-    align=True,
-)
+ESTIMATE: Final = np.dtype([
+    ('basis', np.float64, 4), ('impacts', np.int64), ('sticks', np.int64), ('ringed', np.int64),
+    ('retunes', np.int64), ('retunes_before', np.int64), ('carried', np.float64),
+    ('origin', np.float64), ('impulse', np.float64, 2), ('exact_impulse', np.float64, 2),
+    ('duration', np.float64, 2), ('sum_1', np.float64, 2), ('sum_2', np.float64, 2),
+    ('exact', np.float64, 2), ('time', np.float64, 2), ('pending_exact', np.float64),
+    ('pending_time', np.float64), ('block_length', np.int64), ('blocks', np.int64),
+    ('in_block', np.int64), ('block_1', np.float64, BLOCKS + 1),
+    ('block_2', np.float64, BLOCKS + 1),
+], align=True)
 
 
 @dataclasses.dataclass(frozen=True)
 class LyapunovReport:
-    """
-    Exponents per impact, averaged over one epoch.
+    """Exponents per impact, averaged over one epoch."""
 
-    Attributes
-    ----------
-    epoch : int
-        The epoch averaged over; parameters are constant in it.
-    index : int
-        Number of the last impact seen.
-    impacts : int
-        Impacts averaged over.
-    sticks : int
-        Impacts of these at which the mass stuck.
-    lambda_1, lambda_2 : float
-        Exponents per impact [1]; nan without impacts, -inf where the mass has stuck.
-    lambda_1_error, lambda_2_error : float
-        Standard errors by block means [1]; nan with too few impacts.
-    exact_sum : float
-        ``2 ln r - beta <D>`` [1], what ``lambda_1 + lambda_2`` must be (physics, eq. (11)).
-    lambda_1_finite : float
-        Largest exponent over the last `window` impacts [1], also across retunes, at which the
-        tangent is continuous; nan until there are so many.
-    window : int
-        Impacts in it.
-    finite_retunes : int
-        Retunes among these impacts.
-    mean_flight_time : float
-        Time per impact [1]; divide by it for exponents per unit of tau.
-    impulse_balance : float
-        Mean force of the walls since the last reset [1]: changes of velocity at impacts and the
-        force on the mass while it sticks. It tends to gamma, off by a bounded amount over the
-        time.
-    exact_impulse_balance : float
-        What it must be, from the states at both ends [1].
-
-    """
-
-    epoch: int
-    index: int
-    impacts: int
-    sticks: int
-    lambda_1: float
-    lambda_2: float
-    lambda_1_error: float
-    lambda_2_error: float
-    exact_sum: float
+    epoch: int  #: The epoch averaged over; parameters are constant in it.
+    index: int  #: Number of the last impact seen.
+    impacts: int  #: Impacts averaged over.
+    sticks: int  #: Impacts of these at which the gear stuck.
+    lambda_1: float  #: Exponent per impact [1]; nan without impacts, -inf if the gear has stuck.
+    lambda_2: float  #: The smaller exponent per impact [1].
+    lambda_1_error: float  #: Standard error by block means [1]; nan with too few impacts.
+    lambda_2_error: float  #: Standard error of lambda_2 [1].
+    exact_sum: float  #: ``2 ln r - beta <D>`` [1]: lambda_1 + lambda_2, by eq. (11).
+    #: Largest exponent over the last `window` impacts [1], also across retunes, at which the
+    #: tangent is continuous; nan until there are that many.
     lambda_1_finite: float
-    window: int
-    finite_retunes: int
-    mean_flight_time: float
+    window: int  #: Impacts in the finite-time exponent.
+    finite_retunes: int  #: Retunes among these impacts.
+    mean_flight_time: float  #: Time per impact [1]; divide by it for exponents per unit of tau.
+    #: Mean force of the walls since the last reset [1]: changes of velocity at impacts and the
+    #: force on the gear while it sticks. It tends to gamma, off by a bounded amount over the time.
     impulse_balance: float
-    exact_impulse_balance: float
+    exact_impulse_balance: float  #: What it must be, from the states at both ends [1].
 
     @property
     def exponent_sum(self) -> float:
@@ -110,7 +63,7 @@ class LyapunovReport:
 
 
 @kernel
-def add(total, x):  # type: ignore[no-untyped-def]
+def add(total: FloatArray, x: float) -> None:
     """Add to a compensated sum (Neumaier 1974), a pair with what rounding has taken from it."""
     fresh = total[0] + x
     if abs(total[0]) >= abs(x):
@@ -121,7 +74,7 @@ def add(total, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def momentum(event, at):  # type: ignore[no-untyped-def]
+def momentum(event: Record, at: Record) -> float:
     """Return what gamma and the walls alone change, with the parameters of another event."""
     sine, cosine = sine_cosine(event.phase)
     return (event.velocity_after + at.beta * event.displacement
@@ -129,8 +82,8 @@ def momentum(event, at):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def has_stuck(before, event):  # type: ignore[no-untyped-def]
-    """Whether the mass has been at rest on a wall from one event to the next."""
+def has_stuck(before: Record, event: Record) -> bool:
+    """Whether the gear has been at rest on a wall from one event to the next."""
     if event.kind == RELEASE or before.kind == STICK:
         return True
     on_wall = before.displacement == 0.0 or before.displacement == -1.0
@@ -139,14 +92,14 @@ def has_stuck(before, event):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def weigh(estimate, before, event, d):  # type: ignore[no-untyped-def]
-    """Add what the walls give to the mass from one event to the next, and what they must give."""
+def weigh(estimate: Record, before: Record, event: Record, d: float) -> None:
+    """Add the impulse of the walls from one event to the next, and what it must be."""
     add(estimate.duration, d)
     add(estimate.exact_impulse, before.gamma * d)
     if event.kind <= STICK:
         add(estimate.impulse, event.velocity - event.velocity_after)
     elif has_stuck(before, event):
-        # The wall has held the mass against all other forces.
+        # The wall has held the gear against all other forces.
         add(estimate.impulse,
             before.gamma * d - (momentum(event, before) - momentum(before, before)))
     if event.kind == RETUNE:
@@ -155,54 +108,36 @@ def weigh(estimate, before, event, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin(estimate):  # type: ignore[no-untyped-def]
-    """Start a new average, keeping the tangent vectors and all that crosses retunes."""
-    estimate.impacts = 0
-    estimate.sticks = 0
-    estimate.sum_1[:] = 0.0
-    estimate.sum_2[:] = 0.0
-    estimate.exact[:] = 0.0
-    estimate.time[:] = 0.0
-    estimate.pending_exact = 0.0
-    estimate.pending_time = 0.0
-    estimate.block_length = FIRST_BLOCK
-    estimate.blocks = 0
-    estimate.in_block = 0
-    estimate.block_1[:] = 0.0
-    estimate.block_2[:] = 0.0
+def begin(estimate: Record) -> None:
+    """Begin a new average, keeping the tangent vectors and all that crosses retunes."""
+    e = estimate
+    e.impacts = e.sticks = e.blocks = e.in_block = 0
+    e.block_length = FIRST_BLOCK
+    e.pending_exact = e.pending_time = 0.0
+    e.sum_1[:] = e.sum_2[:] = e.exact[:] = e.time[:] = e.block_1[:] = e.block_2[:] = 0.0
 
 
 @kernel
-def restart(estimate, event):  # type: ignore[no-untyped-def]
-    """Start anew at an event: of what was before nothing is known, or it does not matter."""
+def restart(estimate: Record, event: Record) -> None:
+    """Begin anew at an event: what was before is not known, or does not matter."""
     begin(estimate)
     set_identity(estimate.basis)
-    estimate.ringed = 0
-    estimate.retunes = 0
-    estimate.retunes_before = 0
+    estimate.ringed = estimate.retunes = estimate.retunes_before = 0
     estimate.carried = 0.0
-    estimate.impulse[:] = 0.0
-    estimate.exact_impulse[:] = 0.0
-    estimate.duration[:] = 0.0
+    estimate.impulse[:] = estimate.exact_impulse[:] = estimate.duration[:] = 0.0
     estimate.origin = momentum(event, event)
 
 
 @kernel
-def set_identity(basis):  # type: ignore[no-untyped-def]
+def set_identity(basis: FloatArray) -> None:
     """Forget the tangent vectors."""
-    basis[0] = 1.0
-    basis[1] = 0.0
-    basis[2] = 0.0
-    basis[3] = 1.0
+    basis[0] = basis[3] = 1.0
+    basis[1] = basis[2] = 0.0
 
 
 @kernel
-def orthonormalise(basis):  # type: ignore[no-untyped-def]
-    """
-    QR-decompose two tangent vectors in place (Gram-Schmidt).
-
-    It returns the diagonal of R, not negative [1]; no numbers where the vectors are none.
-    """
+def orthonormalise(basis: FloatArray) -> tuple[float, float]:
+    """QR-decompose two tangent vectors in place; return the diagonal of R (Gram-Schmidt)."""
     first = length(basis[0], basis[1])
     if not 0.0 < first < math.inf:
         # What a record with absurd velocities has spoilt must not outlive its epoch.
@@ -210,21 +145,15 @@ def orthonormalise(basis):  # type: ignore[no-untyped-def]
         return first, 0.0 if first == 0.0 else math.nan
     x, y = basis[0] / first, basis[1] / first
     second = abs(x * basis[3] - y * basis[2])
-    basis[0] = x
-    basis[1] = y
-    basis[2] = -y
-    basis[3] = x
+    basis[0] = basis[3] = x
+    basis[1], basis[2] = y, -y
     return first, second
 
 
 @kernel
-def count_impact(  # type: ignore[no-untyped-def]
-        estimate, ring, marks, growth_1, growth_2, exact):
-    """
-    Enter the growth of both tangent vectors over one impact.
-
-    That is the logarithms of the diagonal of R, and their exact sum by the determinants [1].
-    """
+def count_impact(estimate: Record, ring: FloatArray, marks: IntArray, growth_1: float,
+                 growth_2: float, exact: float) -> None:
+    """Enter the growth of both vectors over one impact: ln of R's diagonal, and the exact sum."""
     e = estimate
     place = e.ringed % len(ring)
     ring[place] = e.carried + growth_1
@@ -237,8 +166,7 @@ def count_impact(  # type: ignore[no-untyped-def]
     add(e.sum_2, growth_2)
     add(e.exact, exact + e.pending_exact)
     add(e.time, e.pending_time)
-    e.pending_exact = 0.0
-    e.pending_time = 0.0
+    e.pending_exact = e.pending_time = 0.0
     e.block_1[e.blocks] += growth_1
     e.block_2[e.blocks] += growth_2
     e.in_block += 1
@@ -252,12 +180,12 @@ def count_impact(  # type: ignore[no-untyped-def]
             e.block_2[i] = e.block_2[2 * i] + e.block_2[2 * i + 1]
         e.blocks = BLOCKS // 2
         e.block_length *= 2
-    e.block_1[e.blocks] = 0.0
-    e.block_2[e.blocks] = 0.0
+    e.block_1[e.blocks] = e.block_2[e.blocks] = 0.0
 
 
 @kernel
-def follow(estimate, ring, marks, last, events):  # type: ignore[no-untyped-def]
+def follow(estimate: Record, ring: FloatArray, marks: IntArray, last: RecordArray,
+           events: RecordArray) -> None:
     """
     Carry the tangent vectors through a stretch of events without a hole.
 
@@ -322,23 +250,18 @@ class RunningLyapunov:
     Lyapunov exponents per impact of a stream of events, by QR re-orthonormalisation.
 
     Takes batches of any size; the result does not depend on how the stream was cut, to the bit.
-    A new average starts at every retune and reset and after every hole; the finite-time exponent
+    A new average begins at every retune and reset and after every hole; the finite-time exponent
     and the impulse balance cross retunes.
 
     Parameters
     ----------
     window : int
-        Impacts in the finite-time exponent.
+        Impacts in the finite-time exponent, positive, else ValueError.
 
     Attributes
     ----------
     guard : StreamGuard
         What was lost.
-
-    Raises
-    ------
-    ValueError
-        If the window is not positive.
 
     References
     ----------
@@ -356,15 +279,7 @@ class RunningLyapunov:
         self._last: EventArray | None = None
 
     def update(self, events: EventArray) -> None:
-        """
-        Take the next batch.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records.
-
-        """
+        """Take the next batch, an array of EVENT."""
         estimate: Any = self._estimate[0]
         for piece in self.guard.split(events):
             stretch = piece.events
@@ -374,16 +289,9 @@ class RunningLyapunov:
                 restart(estimate, self._last[0])
             follow(estimate, self._ring, self._marks, self._last, stretch)
 
+    @property
     def report(self) -> LyapunovReport:
-        """
-        Return the present estimate.
-
-        Returns
-        -------
-        LyapunovReport
-            Averages over the present epoch, as far as it was seen.
-
-        """
+        """Averages over the present epoch, as far as it was seen."""
         e = self._estimate[0]
         n = int(e['impacts'])
         window, ringed = len(self._ring), int(e['ringed'])
@@ -397,13 +305,9 @@ class RunningLyapunov:
         return LyapunovReport(
             epoch=0 if last is None else int(last['epoch'][0]),
             index=0 if last is None else int(last['index'][0]),
-            impacts=n,
-            sticks=int(e['sticks']),
-            lambda_1=self._mean('sum_1'),
-            lambda_2=self._mean('sum_2'),
-            lambda_1_error=self._error('block_1'),
-            lambda_2_error=self._error('block_2'),
-            exact_sum=self._mean('exact'),
+            impacts=n, sticks=int(e['sticks']), exact_sum=self._mean('exact'),
+            lambda_1=self._mean('sum_1'), lambda_2=self._mean('sum_2'),
+            lambda_1_error=self._error('block_1'), lambda_2_error=self._error('block_2'),
             lambda_1_finite=float(np.sum(recent)) / window if is_full else math.nan,
             window=window,
             finite_retunes=int(e['retunes_before'] - self._marks[ringed % window])
@@ -418,7 +322,7 @@ class RunningLyapunov:
         if not e['impacts']:
             return math.nan
         if math.isinf(e[name][0]):
-            # Sticking gives -inf; inf comes of records that no simulator writes.
+            # Sticking gives -inf; inf comes from records that no simulator writes.
             return float(e[name][0])
         return float(e[name][0] + e[name][1]) / int(e['impacts'])
 

@@ -2,56 +2,37 @@
 
 import dataclasses
 import math
-from typing import TypeAlias
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, Record
 from ..compiled import kernel
-from ..flight.closed_form import displace, elapsed, is_pressed
+from ..flight.closed_form import displace, elapsed, rests
 from ..flight.elementary import sine_cosine, TWO_PI
 from ..model import EventArray, EventKind
 
 RELEASE = int(EventKind.RELEASE)
-Column: TypeAlias = FloatArray
 
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """
-    A stretch of the motion, sampled.
+    """A stretch of the motion, sampled."""
 
-    Attributes
-    ----------
-    tau : ndarray of float, shape (n,)
-        Drive phase, counted from the beginning of the last event's drive period [rad].
-    displacement : ndarray of float, shape (n,)
-        s [1].
-    velocity : ndarray of float, shape (n,)
-        s' [1]; an event stands twice, just before it and just after it.
-
-    """
-
-    tau: Column
-    displacement: Column
-    velocity: Column
+    tau: FloatArray  #: Drive phase from the beginning of the last event's drive period [rad].
+    displacement: FloatArray  #: s [1].
+    velocity: FloatArray  #: s' [1]; an event stands twice, just before it and just after it.
 
 
 @kernel
-def rests_after(event) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the mass sticks, or was set down on a wall against which it is pressed."""
-    on_upper = event.displacement == 0.0
-    if event.kind == RELEASE or event.velocity_after != 0.0:
-        return False
-    if not on_upper and event.displacement != -1.0:
-        return False
-    sine, cosine = sine_cosine(event.phase)
-    return is_pressed(1.0 if on_upper else -1.0, sine, cosine, event.alpha, event.beta,
-                      event.gamma)
+def rests_after(event: Record) -> bool:
+    """Whether the gear sticks, or was set down on a wall against which it is pressed."""
+    return event.kind != RELEASE and rests(
+        event.displacement, event.velocity_after, event.phase, event.alpha, event.beta,
+        event.gamma)
 
 
 @kernel
-def state_after(event, d: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def state_after(event: Record, d: float) -> tuple[float, float]:
     """Return s and s' [1], eqs. (4)-(5), at a time d after an event and not after the next."""
     if rests_after(event):
         return event.displacement, 0.0
@@ -68,14 +49,11 @@ def pieces(duration: float, step: float) -> int:
 
 
 @kernel
-def sample(events: EventArray, starts: Column, step: float, tau: Column, displacement: Column,
-           velocity: Column) -> int:
-    """
-    Sample the motion between each event and the next; return the number of samples.
-
-    They begin a time `starts` after each event and are at most `step` apart [1]. With no room for
-    them they are only counted.
-    """
+def sample(events: EventArray, starts: FloatArray, step: float, tau: FloatArray,
+           displacement: FloatArray, velocity: FloatArray) -> int:
+    """Sample the motion between each event and the next; return the number of samples."""
+    # They begin a time `starts` after each event and are at most `step` apart [1]. Without room
+    # for them they are only counted.
     count = 0
     last = events[-1]
     for i in range(len(events) - 1):
@@ -100,20 +78,11 @@ def sample(events: EventArray, starts: Column, step: float, tau: Column, displac
     return count
 
 
-def drive_phases(events: EventArray) -> Column:
+def drive_phases(events: EventArray) -> FloatArray:
     """
-    Give every event its drive phase on one axis.
+    Return tau of every event, from the beginning of the last event's drive period [rad].
 
-    Parameters
-    ----------
-    events : ndarray of EVENT, shape (n,)
-        Records in order, n > 0, over fewer than 2^32 drive periods.
-
-    Returns
-    -------
-    ndarray of float, shape (n,)
-        tau, counted from the beginning of the last event's drive period [rad].
-
+    The EVENT records are in order, at least one, over fewer than 2^32 drive periods.
     """
     back = (events['cycle'][-1] - events['cycle']).astype(np.float64)
     return np.asarray(events['phase'] - TWO_PI * back, np.float64)
@@ -128,19 +97,15 @@ def rebuild(events: EventArray, step: float, periods: float = math.inf) -> Motio
     events : ndarray of EVENT, shape (n,)
         Records in order, none missing between them.
     step : float
-        Longest step between samples [1], positive; both ends of every flight are samples.
+        Longest step between samples [1], positive, else ValueError; both ends of every flight
+        are samples.
     periods : float
-        Only what begins so many drive periods before the last event's own [1].
+        Drive periods before the last event's own in which samples may begin [1].
 
     Returns
     -------
     Motion
         Samples; none for fewer than two events.
-
-    Raises
-    ------
-    ValueError
-        If `step` is not positive.
 
     """
     if not step > 0.0:

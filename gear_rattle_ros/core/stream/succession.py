@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from .guard import Hole
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, FLYING
 from ..flight.simulation import run, settle, state_at, TRAJECTORY, write_event
@@ -23,24 +24,12 @@ SMALLEST_KICK: Final = 4 * 2.0**-52
 
 @dataclasses.dataclass(frozen=True)
 class Contradiction:
-    """
-    A record that does not follow from the one before it.
+    """A record that does not follow from the one before it."""
 
-    Attributes
-    ----------
-    place : int
-        Its place in the batch; -1 for the last record of the batch before.
-    index, epoch : int
-        Its number and epoch.
-    what : str
-        What it says and what follows, in words.
-
-    """
-
-    place: int
+    place: int  # in the batch; -1 for the last record of the batch before
     index: int
     epoch: int
-    what: str
+    what: str  # what it reports and what follows, in words
 
 
 @kernel
@@ -50,33 +39,27 @@ def same(a: float, b: float) -> bool:
 
 
 @kernel
-def depart(trajectory, event):  # type: ignore[no-untyped-def]
+def depart(trajectory: Record, event: Record) -> None:
     """Put a trajectory where a record leaves it, without noise."""
     t = trajectory
-    t.cycle = event.cycle
-    t.phase = event.phase
-    t.displacement = event.displacement
-    t.velocity = event.velocity_after
-    t.index = event.index
-    t.epoch = event.epoch
-    t.alpha = event.alpha
-    t.beta = event.beta
-    t.gamma = event.gamma
-    t.restitution = event.restitution
-    t.noise = 0.0
+    t.index, t.epoch, t.cycle, t.phase = event.index, event.epoch, event.cycle, event.phase
+    t.displacement, t.velocity, t.noise = event.displacement, event.velocity_after, 0.0
+    t.alpha, t.beta, t.gamma, t.restitution = (
+        event.alpha, event.beta, event.gamma, event.restitution)
     settle(t)
     if event.kind == RELEASE:
         t.mode = FLYING
 
 
 @kernel
-def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-untyped-def]
+def compare_step(before: Record, event: Record, trajectory: Record, room: RecordArray,
+                 kicks: IntArray) -> int:
     """
-    Rebuild in `room` the record that comes after one, and hold the next against it.
+    Rebuild in `room` the record that comes after `before`, and compare `event` with it.
 
-    It returns FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in
-    time), OVERDUE (an event was due before it, in `room`) or NOTHING (was due so soon). WAS_KICKED
-    and IN_NOISE say whether noise has changed the velocity after an impact.
+    Returns FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in time),
+    OVERDUE (an event was due before it, in `room`) or NOTHING (was due that soon). `kicks` notes
+    whether noise has changed the velocity after an impact.
     """
     p, q, t = before, event, trajectory
     kicks[WAS_KICKED] = 0
@@ -92,7 +75,7 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
     if q.kind >= RETUNE:
         if not is_numbered:
             return NUMBERING
-        # A reset takes place less than a period after the moment up to which all was told.
+        # A reset takes place less than a period after the moment up to which all was reported.
         until = t.cycle + cycles - (1 if q.kind == RESET else 0)
         if elapsed(until - t.cycle, p.phase, q.phase) > 0.0 and run(t, room, until, q.phase):
             return OVERDUE
@@ -103,8 +86,7 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
             t.alpha, t.beta, t.gamma, t.restitution = q.alpha, q.beta, q.gamma, q.restitution
         t.velocity = velocity
         t.epoch += 1
-        t.cycle = q.cycle
-        t.phase = q.phase
+        t.cycle, t.phase = q.cycle, q.phase
         write_event(e, q.kind, t, velocity)
     elif not run(t, room, t.cycle + cycles + 1, q.phase):
         return NOTHING if is_numbered else NUMBERING
@@ -133,12 +115,13 @@ def compare_step(before, event, trajectory, room, kicks):  # type: ignore[no-unt
 
 
 @kernel
-def follow_steps(last, events, trajectory, room, counts, unkicked):  # type: ignore[no-untyped-def]
+def follow_steps(last: RecordArray, events: RecordArray, trajectory: Record, room: RecordArray,
+                 counts: IntArray, unkicked: FloatArray) -> tuple[int, int]:
     """
-    Hold records against those before them; return how many follow, and why the next does not.
+    Compare records with those before them; return how many follow, and why the next does not.
 
-    That is FOLLOWS if all do. `last` becomes the last that follows, `room` the record expected,
-    and `unkicked` receives the velocity after the last impact if noise had not kicked it [1].
+    `last` becomes the last that follows, `room` the record expected, and `unkicked` receives the
+    velocity after the last impact without noise [1].
     """
     for i in range(len(events)):
         kicked = counts[WAS_KICKED]
@@ -159,28 +142,16 @@ class Succession:
     """
     Rebuild every flight of a stream, given in batches, and find its records again.
 
-    An impact may have been kicked by noise: its velocity afterwards is then taken as it is, and
-    what follows must follow from it.
-
-    Attributes
-    ----------
-    holes : list of Hole
-        Where records are missing.
-    anew : list of Hole
-        Where the numbers begin anew in mid-run: what is missing is not known.
-    runs : int
-        Runs seen, each from its first reset on.
-    events, flights : int
-        Records seen, and steps from one to the next that were rebuilt.
-
+    Noise may have kicked an impact: its velocity afterwards is then taken as it is, and what comes
+    next must follow from it.
     """
 
     def __init__(self) -> None:
         self.holes: list[Hole] = []
+        # Where the numbers begin anew in mid-run, so that it is not known what is missing.
         self.anew: list[Hole] = []
-        self.runs = 0
-        self.events = 0
-        self.flights = 0
+        # Runs seen, each from its first reset on; records seen; steps between them rebuilt.
+        self.runs = self.events = self.flights = 0
         self._counts = np.zeros(COUNTS, np.int64)
         self._last: EventArray | None = None
         self._room = np.zeros(1, EVENT)
@@ -203,20 +174,7 @@ class Succession:
         return int(self._counts[EPOCHS])
 
     def take(self, events: EventArray) -> Contradiction | None:
-        """
-        Take the next batch; nothing more after a contradiction.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records.
-
-        Returns
-        -------
-        Contradiction or None
-            The first record that does not follow, if there is one.
-
-        """
+        """Take the next batch; return the first record that does not follow, then give no more."""
         done = 0
         if self._last is None and len(events):
             done = self._begin(events[:1])
@@ -280,9 +238,8 @@ class Succession:
                 return Contradiction(
                     place - 1, int(wrong['index']), int(wrong['epoch']),
                     _sentence('velocity_after', wrong, mended[0]))
-        return Contradiction(
-            place, int(found['index']), int(found['epoch']),
-            _words(what, before[0], found, expected))
+        return Contradiction(place, int(found['index']), int(found['epoch']),
+                             _words(what, before[0], found, expected))
 
 
 def _words(what: int, before: Any, found: Any, expected: Any) -> str:

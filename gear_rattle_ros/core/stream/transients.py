@@ -6,76 +6,52 @@ import math
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from .guard import StreamGuard
 from .lyapunov import RunningLyapunov
-from ..arrays import FloatArray
+from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import elapsed, is_pressed, LOWER, NO_WALL, release_delay, UPPER
-from ..flight.elementary import sine_cosine, TWO_PI
+from ..flight.closed_form import elapsed, LOWER, NO_WALL, release_delay, rests, UPPER
+from ..flight.elementary import TWO_PI
 from ..model import EventArray, EventKind, Parameters
 from ..orbits.orbit import close_orbit, Orbit
 from ..orbits.section import distance, distances, turn
 from ..words import counted
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
-# Recurrences of so many impacts are counted at every impact, of so many looked for now and then.
+# Longest periods [impacts]: counted at every impact, and looked for now and then.
 LONGEST_ORBIT: Final = 64
 LONGEST_SOUGHT: Final = 1024
-# Twelve recurrences happen by chance near unstable orbits; so many more must follow.
+# Twelve recurrences happen by chance near unstable orbits; this many more must follow.
 HOLD: Final = 200
-# A candidate that is still approaching is looked at again after so many impacts, or an eighth of
-# those for which it has recurred.
+# Impacts until a candidate that still approaches is looked at again, or an eighth of those for
+# which it has recurred.
 PATIENCE: Final = 64
-# Impacts kept: a lifetime is counted back so far from where an orbit is recognised, and an orbit
-# that sticks may have half as many.
+# Impacts kept: a lifetime can be counted back that far from where an orbit is recognised, and an
+# orbit that sticks may have half as many.
 HISTORY: Final = 65536
-# So much of the tolerance may be left of the approach.
+# Share of the tolerance that may be left of the approach.
 APPROACHED: Final = 0.25
-# Recurrences so much smaller than the tolerance need no orbit that Newton's method finds.
+# Recurrences smaller than this share of the tolerance need no orbit by Newton's method.
 RECURRED: Final = 1e-6
-# The mean orbit and the spread about it are those of so many of the last impacts.
+# Last impacts that give the mean orbit and the spread about it.
 MEANT: Final = HOLD // 2
-# A transient is reported anew after so many impacts, and whenever they have doubled.
-FIRST_WORD: Final = 1000
+# A transient is reported again after this many impacts, and whenever they have doubled.
+FIRST_REPORT: Final = 1000
 
 NOTHING, CANDIDATE, LEFT, BEGUN, RESTED, JUMPED, GROWN = range(7)
 
-SECTION: Final = np.dtype(
-    [
-        ('wall', np.int64),
-        ('phase', np.float64),
-        ('velocity', np.float64),
-        ('flight_time', np.float64),
-        ('sticks', np.int64),
-        ('kicked', np.int64),
-    ],
-    align=True,
-)
-WATCH: Final = np.dtype(
-    [
-        ('impacts', np.int64),
-        ('time', np.float64),
-        ('locked', np.int64),
-        ('base', np.int64),
-        ('next_look', np.int64),
-        ('next_word', np.int64),
-        ('quiet', np.int64),
-        ('resting', np.int64),
-        ('retunes', np.int64),
-        ('retune_index', np.int64),
-        ('since_retune', np.int64),
-        ('jumped', np.int64),
-        ('kicked', np.int64),
-        ('stick_at', np.int64, 2),
-        ('stick_lag', np.int64, 2),
-        ('recurrences', np.int64, LONGEST_ORBIT + 1),
-    ],
-    align=True,
-)
-
-SectionArray = npt.NDArray[np.void]
+SECTION: Final = np.dtype([
+    ('wall', np.int64), ('phase', np.float64), ('velocity', np.float64),
+    ('flight_time', np.float64), ('sticks', np.int64), ('kicked', np.int64),
+], align=True)
+WATCH: Final = np.dtype([
+    ('impacts', np.int64), ('time', np.float64), ('locked', np.int64), ('base', np.int64),
+    ('next_look', np.int64), ('next_report', np.int64), ('quiet', np.int64), ('resting', np.int64),
+    ('retunes', np.int64), ('retune_index', np.int64), ('since_retune', np.int64),
+    ('jumped', np.int64), ('kicked', np.int64), ('stick_at', np.int64, 2),
+    ('stick_lag', np.int64, 2), ('recurrences', np.int64, LONGEST_ORBIT + 1),
+], align=True)
 
 
 class Regime(enum.Enum):
@@ -88,63 +64,36 @@ class Regime(enum.Enum):
 
 @dataclasses.dataclass(frozen=True)
 class TransientReport:
-    """
-    What a trajectory is doing, since when.
+    """What a trajectory is doing, and since when."""
 
-    Attributes
-    ----------
-    regime : Regime
-        Transient, on a periodic orbit, or at rest on a wall for ever.
-    epoch : int
-        Epoch of the stream at `index`.
-    index : int
-        Number of the impact at which this was found.
-    start : int
-        Number of the impact after which this transient began: at a reset, at the beginning of
-        the stream or behind a hole; at the last retune by more than the tolerance, if it was a
-        transient already; where an orbit was left, and at the last retune if that took it off.
-    impacts : int
-        Impacts of the transient that were seen; 0 where it is over.
-    retunes : int
-        Retunes since `start`.
-    kicked : bool
-        Whether noise has kicked a transient.
-    lifetime : int or None
-        Impacts from `start` to the first from which the trajectory stays within the tolerance of
-        its orbit, flight times too, or to the last at rest; None while it is transient. At least
-        2 for an orbit at the beginning of a stream: the first impact has no flight before it.
-    orbit : Orbit or None
-        The orbit, beginning with the least (wall, phase), at the parameters of `epoch`: refined
-        by Newton's method where that finds it, else the mean of the last impacts, whose
-        multipliers are not known; multipliers are 0 where it sticks.
-    spread_largest, spread_rms : float
-        Distance of the last impacts from their mean orbit, where noise kicks them [1]; else nan.
-    previous : str
-        Name of the orbit on which the trajectory was before, if it was on another and came here
-        by noise, or by retunes no larger than the tolerance.
-    residence : int
-        Impacts from the first on that orbit to the first on this one.
-    exponent, exponent_error : float
-        Of a transient: largest exponent per impact since `start` or the last retune, with its
-        standard error [1]; where that is not known the finite-time exponent, without an error.
-
-    """
-
-    regime: Regime
-    epoch: int = 0
-    index: int = 0
+    regime: Regime  #: Transient, on a periodic orbit, or permanently at rest on a wall.
+    epoch: int = 0  #: Epoch of the stream at `index`.
+    index: int = 0  #: Number of the impact at which this was found.
+    #: Number of the impact after which this transient began: at a reset, at the beginning of the
+    #: stream or behind a hole; at the last retune by more than the tolerance, if it was a
+    #: transient already; where an orbit was left, and at the last retune if that took it off.
     start: int = 0
-    impacts: int = 0
-    retunes: int = 0
-    kicked: bool = False
+    impacts: int = 0  #: Impacts of the transient that were seen; 0 where it is over.
+    retunes: int = 0  #: Retunes since `start`.
+    kicked: bool = False  #: Whether noise has kicked a transient.
+    #: Impacts from `start` to the first from which the trajectory stays within the tolerance of
+    #: its orbit, flight times too, or to the last at rest; None while it is transient. At least 2
+    #: for an orbit at the beginning of a stream: the first impact has no flight before it.
     lifetime: int | None = None
+    #: The orbit, beginning with the least (wall, phase), at the parameters of `epoch`: refined by
+    #: Newton's method where that finds it, else the mean of the last impacts, whose multipliers
+    #: are not known; multipliers are 0 where it sticks.
     orbit: Orbit | None = None
-    spread_largest: float = math.nan
-    spread_rms: float = math.nan
+    spread_largest: float = math.nan  #: Distance of impacts kicked by noise from their mean orbit.
+    spread_rms: float = math.nan  #: Its root mean square [1].
+    #: Name of the orbit on which the trajectory was before, if it was on another and came here by
+    #: noise, or by retunes no larger than the tolerance.
     previous: str = ''
-    residence: int = 0
+    residence: int = 0  #: Impacts from the first on that orbit to the first on this one.
+    #: Largest exponent of a transient per impact since `start` or the last retune [1]; where that
+    #: is not known the finite-time exponent, without an error.
     exponent: float = math.nan
-    exponent_error: float = math.nan
+    exponent_error: float = math.nan  #: Its standard error [1].
 
     @property
     def period_impacts(self) -> int:
@@ -167,20 +116,12 @@ class TransientReport:
         return '' if self.orbit is None else self.orbit.key
 
     def describe(self) -> str:
-        """
-        Put the report in words.
-
-        Returns
-        -------
-        str
-            One line.
-
-        """
+        """Return the report in one line of words."""
         after = f'after {counted(self.lifetime or 0, "impact")}'
         if self.regime is Regime.REST:
-            return f'at rest on a wall for ever, {after}'
+            return f'permanently at rest on a wall, {after}'
         if self.regime is Regime.TRANSIENT:
-            if self.impacts < FIRST_WORD:
+            if self.impacts < FIRST_REPORT:
                 return f'transient since impact {self.start}'
             through = f' and {counted(self.retunes, "retune")}' if self.retunes else ''
             noise = 'noise beyond the tolerance, ' if self.kicked else ''
@@ -203,27 +144,23 @@ class TransientReport:
         if math.isnan(self.exponent):
             return ''
         if math.isinf(self.exponent):
-            return ', largest exponent -inf: the mass has stuck and forgotten all before'
+            return ', largest exponent -inf: the gear has stuck and forgotten all before'
         if math.isnan(self.exponent_error):
             return f', finite-time exponent {self.exponent:+.3f}'
         return f', largest exponent {self.exponent:+.4f} ± {self.exponent_error:.4f}'
 
 
 @kernel
-def rests_for_ever(event):  # type: ignore[no-untyped-def]
-    """Whether the mass is, after an event, at rest on a wall that it never leaves."""
-    upper = event.displacement == 0.0
-    if event.velocity_after != 0.0 or not (upper or event.displacement == -1.0):
-        return False
-    towards = 1.0 if upper else -1.0
-    sin_p, cos_p = sine_cosine(event.phase)
-    if not is_pressed(towards, sin_p, cos_p, event.alpha, event.beta, event.gamma):
-        return False
-    return release_delay(towards, event.phase, event.alpha, event.beta, event.gamma) == math.inf
+def rests_permanently(event: Record) -> bool:
+    """Whether the gear is, after an event, permanently at rest on a wall."""
+    e = event
+    towards = 1.0 if e.displacement == 0.0 else -1.0
+    return (rests(e.displacement, e.velocity_after, e.phase, e.alpha, e.beta, e.gamma)
+            and release_delay(towards, e.phase, e.alpha, e.beta, e.gamma) == math.inf)
 
 
 @kernel
-def is_small_step(a, b, tolerance):  # type: ignore[no-untyped-def]
+def is_small_step(a: Record, b: Record, tolerance: float) -> bool:
     """Whether no parameter of two events differs by more than the tolerance."""
     return (abs(a.alpha - b.alpha) <= tolerance and abs(a.beta - b.beta) <= tolerance
             and abs(a.gamma - b.gamma) <= tolerance
@@ -231,38 +168,29 @@ def is_small_step(a, b, tolerance):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin_transient(watch):  # type: ignore[no-untyped-def]
+def begin_transient(watch: Record) -> None:
     """Leave any orbit and count from here; what recurs goes on recurring."""
-    watch.locked = 0
-    watch.resting = 0
-    watch.next_look = 0
-    watch.next_word = FIRST_WORD
-    watch.quiet = 0
-    watch.retunes = 0
+    watch.locked = watch.resting = watch.next_look = watch.quiet = watch.retunes = 0
+    watch.next_report = FIRST_REPORT
 
 
 @kernel
-def restart(watch):  # type: ignore[no-untyped-def]
+def restart(watch: Record) -> None:
     """Forget all impacts."""
     begin_transient(watch)
-    watch.impacts = 0
+    watch.impacts = watch.since_retune = watch.jumped = watch.kicked = 0
     watch.time = 0.0
-    watch.retune_index = -1
-    watch.since_retune = 0
-    watch.jumped = 0
-    watch.kicked = 0
-    watch.stick_at[:] = -1
-    watch.stick_lag[:] = 0
-    watch.recurrences[:] = 0
+    watch.retune_index = watch.stick_at[:] = -1
+    watch.stick_lag[:] = watch.recurrences[:] = 0
 
 
 @kernel
-def watch_events(  # type: ignore[no-untyped-def]
-        watch, history, orbit, last, events, tolerance):
+def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: RecordArray,
+                 events: RecordArray, tolerance: float) -> tuple[int, int, int]:
     """
-    Look at events, a stretch without a hole, until something is to be said.
+    Look at events, a stretch without a hole, until there is something to report.
 
-    It returns how many were looked at, what is to be said (NOTHING to GROWN), and the period of a
+    Returns how many were looked at, what to report (NOTHING to GROWN), and the period of a
     candidate, also of one that holds where an orbit is left. `last` becomes the last one looked
     at; `orbit` is the one that the trajectory is on, if any, from impact `base` on.
     """
@@ -285,7 +213,7 @@ def watch_events(  # type: ignore[no-untyped-def]
             if w.locked > 0:
                 # Looked at anew when the parameters have stayed for a while.
                 w.next_look = w.impacts + 2 * w.locked + HOLD
-            if rests_for_ever(event):
+            if rests_permanently(event):
                 if w.resting == 0:
                     return i + 1, RESTED, 0
             elif w.resting == 1:
@@ -320,7 +248,7 @@ def watch_events(  # type: ignore[no-untyped-def]
             else:
                 w.recurrences[q] = 0
         if event.kind == STICK:
-            if rests_for_ever(event):
+            if rests_permanently(event):
                 return i + 1, RESTED, 0
             # What follows a release depends on its wall and phase alone, however long it is.
             lag = n - w.stick_at[here.wall]
@@ -348,14 +276,14 @@ def watch_events(  # type: ignore[no-untyped-def]
             held = w.recurrences[found] if found <= LONGEST_ORBIT else 0
             w.next_look = n + max(PATIENCE, held // 8)
             return i + 1, CANDIDATE, found
-        if w.quiet >= w.next_word and w.resting == 0:
-            w.next_word *= 2
+        if w.quiet >= w.next_report and w.resting == 0:
+            w.next_report *= 2
             return i + 1, GROWN, 0
     return len(events), NOTHING, 0
 
 
 @kernel
-def long_recurrence(history, impacts, tolerance):  # type: ignore[no-untyped-def]
+def long_recurrence(history: RecordArray, impacts: int, tolerance: float) -> int:
     """Find the smallest lag beyond `LONGEST_ORBIT` at which impacts have long recurred, or 0."""
     kept = min(impacts - 1, HISTORY)
     for q in range(LONGEST_ORBIT + 1, min(LONGEST_SOUGHT, (kept - HOLD) // 2) + 1):
@@ -388,22 +316,17 @@ class TransientDetector:
     An orbit is left when an impact is off it and does not recur. A retune does not end it, nor
     does a ramp: it is reported once more when the parameters have stayed for a while. A transient
     goes on through retunes by no more than the tolerance; a larger one begins a new transient. It
-    is reported again whenever its impacts have doubled, from `FIRST_WORD` on.
+    is reported again whenever its impacts have doubled, from `FIRST_REPORT` on.
 
     Parameters
     ----------
     tolerance : float
-        Largest distance from an orbit [1].
+        Largest distance from an orbit [1], between 0 and 1, else ValueError.
 
     Attributes
     ----------
     guard : StreamGuard
         What was lost.
-
-    Raises
-    ------
-    ValueError
-        If the tolerance is not between 0 and 1.
 
     """
 
@@ -418,7 +341,7 @@ class TransientDetector:
         self._report = TransientReport(Regime.TRANSIENT)
         self._running = RunningLyapunov()
         # The orbit on which the trajectory was last: its impacts, name, and first impact there.
-        self._home: tuple[SectionArray, str, int] | None = None
+        self._home: tuple[RecordArray, str, int] | None = None
         self._orbit = np.zeros(1, SECTION)
 
     @property
@@ -426,7 +349,7 @@ class TransientDetector:
         """Return what the trajectory is doing now."""
         if self._report.regime is not Regime.TRANSIENT or self._last is None:
             return self._report
-        now = self._running.report()
+        now = self._running.report
         is_known = math.isfinite(now.lambda_1_error) or math.isinf(now.lambda_1)
         return dataclasses.replace(
             self._report, epoch=int(self._last['epoch'][0]), index=self._index(),
@@ -441,20 +364,7 @@ class TransientDetector:
         return (self._index() - self._report.start) % 2**32
 
     def update(self, events: EventArray) -> list[TransientReport]:
-        """
-        Take the next batch.
-
-        Parameters
-        ----------
-        events : ndarray of EVENT, shape (n,)
-            The records.
-
-        Returns
-        -------
-        list of TransientReport
-            Every change, in order.
-
-        """
+        """Take the next batch, an array of EVENT, and return every change, in order."""
         changes: list[TransientReport] = []
         for piece in self.guard.split(events):
             stretch = piece.events
@@ -484,14 +394,14 @@ class TransientDetector:
         if what == CANDIDATE:
             settled = self._confirm(period)
             return [settled] if settled else []
-        was_said = self._report.regime is not Regime.TRANSIENT or watch['quiet'] >= HOLD
+        was_reported = self._report.regime is not Regime.TRANSIENT or watch['quiet'] >= HOLD
         self._depart(what)
         if what == RESTED:
             return [self._rest()]
         settled = self._confirm(period) if period else None
         if settled:
             return [settled]
-        return [self._report] if was_said else []
+        return [self._report] if was_reported else []
 
     def _index(self) -> int:
         return 0 if self._last is None else int(self._last['index'][0])
@@ -501,7 +411,7 @@ class TransientDetector:
         self._home = None
         self._begin(self._index())
         assert self._last is not None
-        return self._rest() if rests_for_ever(self._last[0]) else self._report
+        return self._rest() if rests_permanently(self._last[0]) else self._report
 
     def _depart(self, what: int) -> None:
         # Where the transient began that ends what was before, if anything was.
@@ -551,14 +461,14 @@ class TransientDetector:
                 return self._settle(*found, past)
         return None
 
-    def _is_period(self, past: SectionArray, period: int, over: int) -> bool:
+    def _is_period(self, past: RecordArray, period: int, over: int) -> bool:
         apart = _distances(past[-over:], past[-over - period:-period])
         drive_periods = float(np.sum(past['flight_time'][-period:])) / TWO_PI
         turns = round(drive_periods)
         return (float(np.max(apart)) <= self._tolerance and turns >= 1
                 and abs(drive_periods - turns) * TWO_PI <= period * self._tolerance)
 
-    def _orbit_of(self, past: SectionArray, period: int) -> tuple[Orbit, SectionArray] | None:
+    def _orbit_of(self, past: RecordArray, period: int) -> tuple[Orbit, RecordArray] | None:
         # The orbit that the last impacts are on, and its impacts, the last one last.
         assert self._last is not None
         event = self._last[0]
@@ -596,7 +506,7 @@ class TransientDetector:
                 int(sticks[0]) if len(sticks) else NO_WALL)
         return orbit.canonical(), impacts
 
-    def _settle(self, orbit: Orbit, impacts: SectionArray, past: SectionArray) -> TransientReport:
+    def _settle(self, orbit: Orbit, impacts: RecordArray, past: RecordArray) -> TransientReport:
         assert self._last is not None
         watch: Any = self._watch[0]
         was, period, n = self._report, orbit.impacts, int(watch['impacts'])
@@ -610,7 +520,7 @@ class TransientDetector:
             retunes=int(watch['retunes']), lifetime=was.lifetime, orbit=orbit,
             spread_largest=largest, spread_rms=rms)
         if was.regime is Regime.ORBIT:
-            # Followed through retunes, and told again.
+            # Followed through retunes, and reported again.
             report = dataclasses.replace(report, previous=was.previous, residence=was.residence)
             watch['next_look'] = 0
             if self._home:
@@ -633,7 +543,7 @@ class TransientDetector:
         self._report = report
         return report
 
-    def _is_same(self, a: SectionArray, b: SectionArray) -> bool:
+    def _is_same(self, a: RecordArray, b: RecordArray) -> bool:
         if len(a) != len(b):
             return False
         # Each may be off the orbit by the tolerance.
@@ -641,22 +551,22 @@ class TransientDetector:
         starts = np.flatnonzero(_distances(b, np.repeat(a[:1], len(b))) <= near)
         return any(float(np.max(_distances(a, np.roll(b, -k)))) <= near for k in starts)
 
-    def _past(self, count: int) -> SectionArray:
+    def _past(self, count: int) -> RecordArray:
         # Oldest first; the very first impact of a stretch has no flight time.
         n = int(self._watch[0]['impacts'])
         return self._history[np.arange(n - count, n) % HISTORY]
 
 
-def _distances(a: SectionArray, b: SectionArray) -> FloatArray:
+def _distances(a: RecordArray, b: RecordArray) -> FloatArray:
     return distances(a['velocity'], a['phase'], b['velocity'], b['phase'])
 
 
-def _laid_along(past: SectionArray, impacts: SectionArray) -> tuple[SectionArray, SectionArray]:
+def _laid_along(past: RecordArray, impacts: RecordArray) -> tuple[RecordArray, RecordArray]:
     # An orbit beside the impacts that end with its last one.
     return past, impacts[np.arange(-len(past), 0) % len(impacts)]
 
 
-def _mean(past: SectionArray, period: int) -> SectionArray:
+def _mean(past: RecordArray, period: int) -> RecordArray:
     rounds = past[-max(MEANT // period, 1) * period:].reshape(-1, period)
     mean = rounds[-1].copy()
     away = np.mean(turn(rounds['phase'] - mean['phase']), axis=0)
