@@ -103,6 +103,7 @@ setup(
         ],
         'doc': [
             'furo',
+            'latex2mathml',
             'myst-parser',
             'sphinx',
         ],

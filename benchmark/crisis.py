@@ -1,7 +1,7 @@
 """
 The boundary crisis found again by programs of another kind.
 
-The place where the manifolds of the saddle touch: scipy's DOP853 with events integrates eq. (2)
+The place where the manifolds of the saddle touch: scipy's DOP853 with events integrates eq. (3)
 itself, finds the saddle by Newton's method with differences, and follows its unstable manifold.
 Escapes at amplitudes on both sides: a C program that scans flights with a fixed step counts them,
 next to the lanes, with as many trajectories. Run it as: python benchmark/crisis.py

@@ -14,7 +14,9 @@ reference_pages.write(HERE / 'reference')
 project = 'gear_rattle_ros'
 author = 'The gear_rattle_ros authors'
 release = ElementTree.parse(HERE.parent / 'package.xml').findtext('version')
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'mathml']
+html_math_renderer = 'mathml'
+myst_enable_extensions = ['dollarmath']
 # Many classes have an attribute called window or impacts; a unit is no reference to it.
 suppress_warnings = ['ref.python']
 napoleon_use_ivar = True

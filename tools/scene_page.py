@@ -13,6 +13,7 @@ import sys
 import textwrap
 
 import numpy as np
+from scene_pictures import draw, save, Stretch
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, impact_count, Parameters, State
@@ -37,19 +38,6 @@ and the keyboard (`ros2 run gear_rattle_ros teleop`) has a key for each; a scene
 What a first step does not say is beta = gamma = 0.1, r = 0.9, no noise, and the start: phase 0 on
 the upper wall, s' = -1, 1000 drive periods per second.
 """
-
-
-@dataclasses.dataclass(frozen=True)
-class Stretch:
-    """The events of a step, and what was found in them."""
-
-    step: Step
-    events: EventArray
-    words: str
-    impacts: tuple[int, ...]
-    exponents: tuple[float, ...]
-    exponent: float
-    error: float
 
 
 def play(scene: Scene) -> list[Stretch]:
@@ -151,7 +139,6 @@ def _says(step: Step, first: bool) -> str:
 
 def main() -> int:
     """Write the page and its pictures."""
-    from scene_pictures import draw, save
     doc = Path(sys.argv[1] if len(sys.argv) > 1 else 'doc')
     (doc / 'scenes').mkdir(parents=True, exist_ok=True)
     played = {name: (scene, play(scene)) for name, scene in load_scenes().items()}

@@ -1,5 +1,6 @@
 """The picture of a scene: section, velocities, exponents or alpha."""
 
+import dataclasses
 import io
 import math
 from pathlib import Path
@@ -9,12 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 import numpy as np
 from PIL import Image
-from scene_page import Stretch
 
 from gear_rattle_ros.core.model import EventArray, EventKind
 from gear_rattle_ros.figures.style import DPI, Looks, new_figure, phase_ticks
 from gear_rattle_ros.palette import GREY, hue
-from gear_rattle_ros.scenes import Scene
+from gear_rattle_ros.scenes import Scene, Step
 
 WIDTH, HEIGHT = 1100, 560
 # Points drawn for a step at the most, taken at random: every so many would miss points of an
@@ -22,6 +22,19 @@ WIDTH, HEIGHT = 1100, 560
 POINTS = 25_000
 # Colours of the picture file: dots on white need no more.
 PALETTE = 48
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """The events of a step, and what was found in them."""
+
+    step: Step
+    events: EventArray
+    words: str
+    impacts: tuple[int, ...]
+    exponents: tuple[float, ...]
+    exponent: float
+    error: float
 
 
 def draw(scene: Scene, stretches: list[Stretch]) -> Figure:

@@ -74,7 +74,7 @@ def require_finite(name: str, value: float, low: float, high: float) -> float:
 @dataclasses.dataclass(frozen=True)
 class Parameters:
     """
-    Dimensionless parameters of de Souza & Caldas, eqs. (2) and (6).
+    Dimensionless parameters of de Souza & Caldas, eqs. (3) and (6).
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class Parameters:
         -------
         model : Parameters
             ``alpha = A R_e/nu``, ``beta = d/(m omega)``, ``gamma = T R/(m nu omega^2)``: the
-            paper's definitions below eq. (2), with the nu that makes gamma dimensionless.
+            paper's definitions below eq. (3), with the nu that makes gamma dimensionless.
             ValueError if a quantity that must be positive is not, or a result is out of range.
 
         """

@@ -9,7 +9,7 @@ def counted(count: float, noun: str) -> str:
     if number != 1 and noun[-1] == 'y':
         noun = f'{noun[:-1]}ies'
     elif number != 1:
-        noun += 'es' if noun.endswith(('ch', 's', 'x')) else 's'
+        noun += 'es' if noun.endswith(('ch', 's', 'x')) and noun[-3:] != 'och' else 's'
     return f'{number:,} {noun}'
 
 

@@ -18,8 +18,8 @@ from typing import Final
 from ..plain_yaml import read_yaml
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
-AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',
-                 'unknown': 'cannot be compared'}
+AGREES: Final = {'yes': 'Agrees', 'partly': 'Partly agrees', 'no': 'Disagrees',
+                 'unknown': 'Cannot be compared'}
 # Tools whose commands a recipe may give.
 TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'orbit_diagram', 'section')
 # What each figure's run has left beside its picture.
@@ -130,7 +130,7 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
             f'## Figure {recipe.figure}: {recipe.title}', '',
             f'![{recipe.title}]({small.name}/{picture.name})', '',
             *_filled(f'**The paper.** {recipe.paper} *{recipe.known}*'), '',
-            *_filled(f'**Ours {AGREES[recipe.agrees]}.** {recipe.finding}'), '',
+            *_filled(f'**{AGREES[recipe.agrees]}.** {recipe.finding}'), '',
             f'`figures {recipe.figure}` runs', '',
             '```sh', ' \\\n'.join(textwrap.wrap(
                 ' '.join(recipe.command), 95, break_on_hyphens=False,

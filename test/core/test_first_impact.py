@@ -81,7 +81,7 @@ def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
             size = alpha * (1.0 + beta) + abs(gamma)
 
             def force(t: Any, f: Flight = f) -> Any:
-                """Return a(tau, 0), eq. (2)."""
+                """Return a(tau, 0), eq. (3)."""
                 return (f.alpha * (f.beta * mp.cos(f.phase + t) - mp.sin(f.phase + t)) + f.gamma)
 
             assert 0.0 < delay <= TWO_PI + 1e-14

@@ -14,7 +14,7 @@ TWO_PI = 2.0 * math.pi
 
 
 def right_side(tau: float, y: list[float], alpha: float, beta: float, gamma: float) -> list[float]:
-    """Return the right side of eq. (2) as a first-order system."""
+    """Return the right side of eq. (3) as a first-order system."""
     force = -alpha * math.sin(tau) + alpha * beta * math.cos(tau) + gamma
     return [y[1], force - beta * y[1]]
 

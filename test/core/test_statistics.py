@@ -35,7 +35,7 @@ def some_starts(seed: int) -> tuple[Array, Array, Array]:
 
 @numba.njit
 def force(tau, v, alpha, beta, gamma):  # type: ignore[no-untyped-def]
-    """Return the acceleration, eq. (2)."""
+    """Return the acceleration, eq. (3)."""
     return gamma - beta * v + alpha * (beta * math.cos(tau) - math.sin(tau))
 
 

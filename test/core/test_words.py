@@ -16,7 +16,7 @@ NOUNS = ('drive periods', 'impacts', 'attractors', 'initial conditions', 'starts
 @pytest.mark.parametrize(('count', 'noun', 'words'), [
     (0, 'impact', '0 impacts'), (1, 'drive period', '1 drive period'),
     (2, 'trajectory', '2 trajectories'), (1, 'trajectory', '1 trajectory'),
-    (3, 'batch', '3 batches'), (12345.0, 'start', '12,345 starts')])
+    (3, 'batch', '3 batches'), (2, 'epoch', '2 epochs'), (12345.0, 'start', '12,345 starts')])
 def test_one_is_singular(count, noun, words):
     assert counted(count, noun) == words
 

@@ -77,7 +77,7 @@ def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, 
 @kernel
 def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta: float,
                  gamma: float) -> float:
-    """Return the acceleration ``s'' = a(tau, v)`` in flight, eq. (2)."""
+    """Return the acceleration ``s'' = a(tau, v)`` in flight, eq. (3)."""
     return alpha * (beta * cos_p - sin_p) + (gamma - beta * velocity)
 
 
