@@ -104,7 +104,7 @@ setup(
         'doc': [
             'furo',
             'latex2mathml',
-            'myst-parser',
+            'myst-nb',
             'sphinx',
         ],
         'test': [
