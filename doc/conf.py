@@ -14,13 +14,20 @@ reference_pages.write(HERE / 'reference')
 project = 'gear_rattle_ros'
 author = 'The gear_rattle_ros authors'
 release = ElementTree.parse(HERE.parent / 'package.xml').findtext('version')
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'mathml']
+extensions = ['myst_nb', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'mathml']
 html_math_renderer = 'mathml'
-myst_enable_extensions = ['dollarmath']
+# What other pages include.
+exclude_patterns = ['reference/**']
 # Many classes have an attribute called window or impacts; a unit is no reference to it.
 suppress_warnings = ['ref.python']
 napoleon_use_ivar = True
+myst_enable_extensions = ['dollarmath']
 myst_heading_anchors = 3
+# The notebook is kept without its results. The first run compiles kernels.
+nb_execution_mode = 'force'
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_merge_streams = True
 html_theme = 'furo'
 html_title = project
 html_copy_source = False

@@ -1,31 +1,70 @@
-"""The documents say what the code does."""
+"""The documents agree with the code: tables, links, versions, and what examples print."""
 
+import contextlib
+import io
 from pathlib import Path
 import re
 import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / 'tools'))
 
 import parameter_table  # noqa: E402
 
-from gear_rattle_ros.core.model import EVENT  # noqa: E402
+import gear_rattle_ros  # noqa: E402
+
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'doc').glob('*.md'))]
+# An example, and what it prints.
+EXAMPLE = re.compile(r'```python\n((?:(?!```).)*?)```\n(?:\n|prints\n)*```text\n(.*?)```', re.DOTALL)
 
 
-def test_readme_has_the_table_of_parameters_of_the_nodes():
+def examples() -> list[tuple[str, str, str]]:
+    """Return the page, the program and the output of every example that shows one."""
+    return [(page.name, program, shown) for page in PAGES
+            for program, shown in EXAMPLE.findall(page.read_text(encoding='utf-8'))]
+
+
+def test_page_has_the_parameters_of_the_nodes():
     """The tables are those that tools/parameter_table.py writes now."""
-    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+    text = (ROOT / 'doc' / 'ros.md').read_text(encoding='utf-8')
     assert parameter_table.updated(text) == text
 
 
-def test_readme_names_every_field_of_an_event():
+def test_page_names_every_field_of_an_event():
     """The table of the record is complete."""
-    text = (ROOT / 'README.md').read_text(encoding='utf-8')
-    assert all(f'`{name}`' in text for name in EVENT.names)
+    text = (ROOT / 'doc' / 'ros.md').read_text(encoding='utf-8')
+    assert all(f'`{name}`' in text for name in gear_rattle_ros.EVENT.names)
+
+
+def test_page_names_everything_at_the_front_door():
+    """The table of the library has each name."""
+    text = (ROOT / 'doc' / 'library.md').read_text(encoding='utf-8')
+    assert [name for name in gear_rattle_ros.PLACES if f'`{name}`' not in text] == []
 
 
 def test_links_of_the_documents_lead_somewhere():
     """Every relative link and picture exists."""
-    for document in [ROOT / 'README.md', *(ROOT / 'doc').glob('*.md')]:
+    for document in PAGES:
         for target in re.findall(r'\]\((?!http)([^)#]+)', document.read_text(encoding='utf-8')):
             assert (document.parent / target).exists(), f'{document.name}: {target}'
+
+
+def test_citation_has_the_version_of_the_package():
+    """CITATION.cff and package.xml agree."""
+    citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
+    assert citation['version'] == ElementTree.parse(ROOT / 'package.xml').findtext('version')
+
+
+@pytest.mark.parametrize(('page', 'program', 'shown'), examples(), ids=lambda part: part[:12])
+def test_examples_print_what_the_pages_show(tmp_path, monkeypatch, page, program, shown):
+    """Examples of the README and of the library run as they stand."""
+    (tmp_path / 'doc').symlink_to(ROOT / 'doc')
+    monkeypatch.chdir(tmp_path)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(program, page, 'exec'), {})
+    assert printed.getvalue() == shown

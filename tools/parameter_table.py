@@ -1,4 +1,4 @@
-"""Write the table of parameters into README.md, from the table the nodes declare."""
+"""Write the tables of parameters into doc/ros.md, from the tables that the nodes declare."""
 
 from pathlib import Path
 import sys
@@ -24,20 +24,18 @@ def row(specification: Specification) -> str:
 
 def tables() -> str:
     """Return the tables of all nodes."""
-    parts = []
-    for node, table in TABLES.items():
-        parts.append(
-            f'\n**{node}**\n\n| parameter | default | range | live | what |\n'
-            '|---|---|---|---|---|\n' + '\n'.join(map(row, table)) + '\n')
-    return ''.join(parts) + '\n'
+    return ''.join(
+        f'\n### {node}\n\n| parameter | default | range | live | meaning |\n|---|---|---|---|---|\n'
+        + '\n'.join(map(row, table)) + '\n'
+        for node, table in TABLES.items()) + '\n'
 
 
 def updated(text: str) -> str:
-    """Return a README with fresh tables."""
+    """Return a page with fresh tables."""
     head, rest = text.split(BEGIN)
     return head + BEGIN + tables() + END + rest.split(END)[1]
 
 
 if __name__ == '__main__':
-    readme = Path(sys.argv[1] if len(sys.argv) > 1 else 'README.md')
-    readme.write_text(updated(readme.read_text(encoding='utf-8')), encoding='utf-8')
+    page = Path(sys.argv[1] if len(sys.argv) > 1 else 'doc/ros.md')
+    page.write_text(updated(page.read_text(encoding='utf-8')), encoding='utf-8')
