@@ -66,7 +66,7 @@ def start(name: str) -> NoReturn:
         missing = (error.name or '').split('.')[0]
         if missing == __package__:
             raise
-        print(f'{name}: the Python package {missing} is not installed; see the README',
+        print(f'{name}: the Python package {missing} is not installed; see doc/install.md',
               file=sys.stderr)
         status = 2
     # Everything that was open is closed; taking LLVM and DDS down too would cost half a second.

@@ -10,16 +10,17 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 import yaml
 
+import gear_rattle_ros
+
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / 'tools'))
 
-import parameter_table  # noqa: E402
-
-import gear_rattle_ros  # noqa: E402
+import parameter_table  # noqa: E402, I100
 
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'doc').glob('*.md'))]
 # An example, and what it prints.
-EXAMPLE = re.compile(r'```python\n((?:(?!```).)*?)```\n(?:\n|prints\n)*```text\n(.*?)```', re.DOTALL)
+EXAMPLE = re.compile(
+    r'```python\n((?:(?!```).)*?)```\n(?:\n|prints\n)*```text\n(.*?)```', re.DOTALL)
 
 
 def examples() -> list[tuple[str, str, str]]:

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-def test_imports_keep_to_the_storeys(
+def test_imports_keep_to_the_layers(
         monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Every contract of pyproject.toml is kept."""
     monkeypatch.chdir(ROOT)

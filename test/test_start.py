@@ -17,4 +17,4 @@ def test_a_missing_package_is_named(name: str, missing: str) -> None:
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert name in EXECUTABLES and done.returncode == 2
     assert done.stderr == (
-        f'{name}: the Python package {missing} is not installed; see the README\n')
+        f'{name}: the Python package {missing} is not installed; see doc/install.md\n')

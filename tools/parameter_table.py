@@ -25,8 +25,8 @@ def row(specification: Specification) -> str:
 def tables() -> str:
     """Return the tables of all nodes."""
     return ''.join(
-        f'\n### {node}\n\n| parameter | default | range | live | meaning |\n|---|---|---|---|---|\n'
-        + '\n'.join(map(row, table)) + '\n'
+        f'\n### {node}\n\n| parameter | default | range | live | meaning |\n'
+        '|---|---|---|---|---|\n' + '\n'.join(map(row, table)) + '\n'
         for node, table in TABLES.items()) + '\n'
 
 
