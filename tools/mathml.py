@@ -15,7 +15,8 @@ FUNCTION = r'<mi>(?:sin|cos|ln|arctan|det)</mi>'
 SPACES = (
     (re.compile(f'(?<=</m[in]>)(?={FUNCTION})'), THIN),
     (re.compile(f'({FUNCTION})(?=<m[a-np-z])'), rf'\1{THIN}'),
-    (re.compile('<mo[^>]*>(?=&#x0007C;|&#x0002F;)'), '<mo stretchy="false" lspace="0" rspace="0">'),
+    (re.compile('<mo[^>]*>(?=&#x0007C;|&#x0002F;)'),
+     '<mo stretchy="false" lspace="0" rspace="0">'),
 )
 
 

@@ -1,8 +1,8 @@
 """
 The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
 
-A recipe is a YAML file: the figure's name and title, what the paper's figure shows and the source of
-that, the command that redraws it, and what was found. What the command prints is kept for the page.
+A recipe is a YAML file: the figure's name and title, what the paper's figure shows and the source
+of that, the command that redraws it, and what was found. The page has what the command prints.
 """
 
 import dataclasses
