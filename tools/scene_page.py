@@ -29,14 +29,15 @@ BATCH = 1024
 WINDOW = 1000
 HEAD = f"""# Scenes
 
-Situations of the paper by name. `suite --scene NAME` plays one, `suite --scene list` names them,
-and the keyboard (`ros2 run gear_rattle_ros teleop`) has a key for each; a scene is a file of
-`config/scenes`. This page, the numbers on it and its pictures are written by
+A scene is a situation of the paper with a name. `suite --scene NAME` plays it, `suite --scene
+list` names all of them, and the keyboard (`ros2 run gear_rattle_ros teleop`) has a key for each. A
+scene is a file in `config/scenes`. This page, its numbers and its pictures are written by
 
     {COMMAND}
 
-What a first step does not say is beta = gamma = 0.1, r = 0.9, no noise, and the start: phase 0 on
-the upper wall, s' = -1, 1000 drive periods per second.
+Unless the first step sets something else, beta = gamma = 0.1, r = 0.9, there is no noise, the
+initial condition is phase 0 on the upper wall with s' = -1, and the rate is 1000 drive periods per
+second.
 """
 
 

@@ -1,9 +1,8 @@
 """
 The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
 
-A recipe is a YAML file: the figure's name and title, what the paper's figure shows and how far
-that is known, the command that makes ours, and what was found. What the command prints is kept for
-the page.
+A recipe is a YAML file: the figure's name and title, what the paper's figure shows and the source
+of that, the command that redraws it, and what was found. The page has what the command prints.
 """
 
 import dataclasses
@@ -31,7 +30,7 @@ class Recipe:
     """
     How a figure is made, and what it is compared with.
 
-    `paper` says in our words what the paper's figure shows, `known` how far that is known to us.
+    `paper` describes what the paper's figure shows, `known` names the source of that.
     In `command`, {store} and {picture} stand for what it writes. `agrees` is yes, partly, no or
     unknown.
     """
@@ -102,7 +101,7 @@ def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
             f'<span class="{e(recipe.agrees)}">{AGREES[recipe.agrees]}</span></h2>\n'
             f'<img src="{e(picture.name)}" alt="{e(recipe.title)}">\n'
             f'<p><b>The paper.</b> {e(recipe.paper)} <i>{e(recipe.known)}</i></p>\n'
-            f'<p><b>Ours.</b> {e(recipe.finding)}</p>\n'
+            f'<p><b>Here.</b> {e(recipe.finding)}</p>\n'
             f'<pre>{e(record["command"])}</pre>\n'
             f'<details open><summary>numbers; {record["seconds"]} s</summary>'
             f'<pre>{e(record["printed"].strip())}</pre></details></section>')
@@ -145,12 +144,12 @@ def _filled(text: str) -> list[str]:
 
 HEAD: Final = """# Figures of the paper, redrawn
 
-Basins of attraction and transient chaos in a gear-rattling model (de Souza & Caldas, 2001): of
-each figure what the paper's shows, in our own words and as far as it is known to us, what is found
-here, the command that makes ours, and what it prints. The displacement of the plane of initial
-conditions, which the text of the paper does not state, is s = 0 here, and -0.5 in figure 10.
+This page redraws the figures of de Souza & Caldas, *Basins of attraction and transient chaos in a
+gear-rattling model* (2001). For each figure it describes what the paper shows, as far as its text
+states it, and what is found here, with the command and what it prints. The text does not state the
+displacement of the plane of initial conditions; it is s = 0 here, and -0.5 in figure 10.
 
-This page and its pictures, which are smaller than those made, are written by
+This page and its pictures, which are reduced in size, are written by
 
 ```sh
 make figures ARGS="--page {page}"
@@ -170,10 +169,9 @@ h2 span { font-size: .8rem; padding: .15rem .5rem; border-radius: .6rem; color: 
 </style>
 <h1>Figures of de Souza &amp; Caldas (2001), redrawn</h1>
 <p>Basins of attraction and transient chaos in a gear-rattling model, Journal of Vibration and
-Control 7. Of each figure: what the paper's shows, in our own words and as far as it is known to
-us; what is found here; the command that makes ours and the numbers it prints. The displacement
-of the plane of initial conditions, which the text of the paper does not state, is s = 0 here,
-and -0.5 in figure 10.</p>
+Control 7. For each figure: what the paper shows, as far as its text states it, what is found here,
+the command, and the numbers that it prints. The text does not state the displacement of the plane
+of initial conditions; it is s = 0 here, and -0.5 in figure 10.</p>
 @
 </html>
 """
