@@ -52,11 +52,9 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
     if picture.exponents is not None:
         return _paint_exponents(picture.exponents)
     if picture.view.kind == LIFETIMES:
-        table = np.array([rgb(colour) for colour in Inferno256], np.uint8)
-        pixels = np.full((*slowness.shape, 4), 255, np.uint8)
-        pixels[..., :3] = table[(np.clip(slowness, 0.0, 1.0) * 255.0).astype(np.int64)]
-        pixels[picture.labels == UNSETTLED, :3] = rgb(ENDS[UNSETTLED])
-        return pixels
+        shades = np.where(picture.labels == UNSETTLED, -1, (slowness * 255.0).clip(0.0, 255.0))
+        return painted(shades.astype(np.int64),
+                       {-1: ENDS[UNSETTLED]} | dict(enumerate(Inferno256)))
     pixels = painted(picture.labels, colours.by_label)
     shade = np.where(picture.labels == UNSETTLED, 1.0, 1.0 - DARKEST * np.clip(
         1.6 * (slowness - 0.2), 0.0, 1.0))

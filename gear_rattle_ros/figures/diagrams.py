@@ -126,8 +126,8 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     of = dataset['event_attractor'].values
     for kind, alpha, number in zip(kinds, where, of, strict=True):
         if alphas[0] <= alpha <= alphas[-1]:
-            style = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
-            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=style, linewidth=1.0)
+            dashes = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
+            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
     axes.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)

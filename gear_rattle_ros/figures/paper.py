@@ -1,9 +1,7 @@
 """
 The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
 
-A recipe is a YAML file: the figure's name and title, what the paper's figure shows and how far
-that is known, the command that makes ours, and what was found. What the command prints is kept for
-the page.
+A recipe is a YAML file with the fields of `Recipe`. What its command prints is kept for the page.
 """
 
 import dataclasses
@@ -13,17 +11,15 @@ from pathlib import Path
 import re
 import shlex
 import textwrap
-from typing import Final
+from typing import Any, Final
 
 from ..plain_yaml import read_yaml
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
-AGREES: Final = {'yes': 'agrees', 'partly': 'agrees in part', 'no': 'disagrees',
-                 'unknown': 'cannot be compared'}
-# Tools whose commands a recipe may give.
+AGREES: Final = {'yes': 'Agrees', 'partly': 'Partly agrees', 'no': 'Disagrees',
+                 'unknown': 'Cannot be compared'}
+# Tools that a recipe may run.
 TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'orbit_diagram', 'section')
-# What each figure's run has left beside its picture.
-RECORD: Final = '.json'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,9 +27,8 @@ class Recipe:
     """
     How a figure is made, and what it is compared with.
 
-    `paper` says in our words what the paper's figure shows, `known` how far that is known to us.
-    In `command`, {store} and {picture} stand for what it writes. `agrees` is yes, partly, no or
-    unknown.
+    `paper` describes in our words what the paper's figure shows, `known` how far that is known to
+    us. In `command`, {store} and {picture} stand for what it writes. `agrees` is one of `AGREES`.
     """
 
     figure: str
@@ -45,7 +40,7 @@ class Recipe:
     finding: str
 
     def words(self, folder: Path) -> list[str]:
-        """Return tool and options, which go on with what they find in a folder."""
+        """Return tool and options; what is in the folder already is resumed."""
         def fill(word: str) -> str:
             named = re.fullmatch(r'\{store(?::(\w+))?\}', word)
             if named:
@@ -76,11 +71,12 @@ def _recipe(path: Path) -> Recipe:
     try:
         command = tuple(shlex.split(values.pop('command')))
     except ValueError as error:
-        raise ValueError(f'{path}: the command is none: {error}') from error
+        raise ValueError(f'{path}: the command cannot be read: {error}') from error
     if values['agrees'] not in AGREES:
-        raise ValueError(f'{path}: agrees = {values["agrees"]!r} is none of {", ".join(AGREES)}')
+        raise ValueError(f'{path}: agrees = {values["agrees"]!r} is not one of '
+                         f'{", ".join(AGREES)}')
     if not command or command[0] not in TOOLS:
-        raise ValueError(f'{path}: the command begins with none of {", ".join(TOOLS)}')
+        raise ValueError(f'{path}: the command does not begin with one of {", ".join(TOOLS)}')
     for word in ('{picture}', '--picture', '--output'):
         if word not in command:
             raise ValueError(f'{path}: the command lacks {word}')
@@ -89,20 +85,18 @@ def _recipe(path: Path) -> Recipe:
 
 def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
     """Write the page that shows all figures made so far and compares them with the paper's."""
-    parts = []
+    parts, e = [], html.escape
     for recipe in recipes.values():
-        picture = folder / f'figure-{recipe.figure}.png'
-        if not record_of(recipe, folder).exists() or not picture.exists():
+        picture, record = _made(recipe, folder)
+        if not record:
             continue
-        record = json.loads(record_of(recipe, folder).read_text(encoding='utf-8'))
-        e = html.escape
         parts.append(
             f'<section id="f{e(recipe.figure)}">'
             f'<h2>Figure {e(recipe.figure)}: {e(recipe.title)} '
             f'<span class="{e(recipe.agrees)}">{AGREES[recipe.agrees]}</span></h2>\n'
             f'<img src="{e(picture.name)}" alt="{e(recipe.title)}">\n'
             f'<p><b>The paper.</b> {e(recipe.paper)} <i>{e(recipe.known)}</i></p>\n'
-            f'<p><b>Ours.</b> {e(recipe.finding)}</p>\n'
+            f'<p><b>Here.</b> {e(recipe.finding)}</p>\n'
             f'<pre>{e(record["command"])}</pre>\n'
             f'<details open><summary>numbers; {record["seconds"]} s</summary>'
             f'<pre>{e(record["printed"].strip())}</pre></details></section>')
@@ -117,10 +111,9 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
     small = page.with_suffix('')
     parts = [HEAD.format(page=page)]
     for recipe in recipes.values():
-        picture = folder / f'figure-{recipe.figure}.png'
-        if not record_of(recipe, folder).exists() or not picture.exists():
+        picture, record = _made(recipe, folder)
+        if not record:
             raise ValueError(f'{picture} has not been made; run: figures {recipe.figure}')
-        record = json.loads(record_of(recipe, folder).read_text(encoding='utf-8'))
         small.mkdir(parents=True, exist_ok=True)
         shrink(picture, small / picture.name)
         printed = [line.rstrip() for line in record['printed'].strip('\n').splitlines()
@@ -130,7 +123,7 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
             f'## Figure {recipe.figure}: {recipe.title}', '',
             f'![{recipe.title}]({small.name}/{picture.name})', '',
             *_filled(f'**The paper.** {recipe.paper} *{recipe.known}*'), '',
-            *_filled(f'**Ours {AGREES[recipe.agrees]}.** {recipe.finding}'), '',
+            *_filled(f'**{AGREES[recipe.agrees]}.** {recipe.finding}'), '',
             f'`figures {recipe.figure}` runs', '',
             '```sh', ' \\\n'.join(textwrap.wrap(
                 ' '.join(recipe.command), 95, break_on_hyphens=False,
@@ -139,18 +132,30 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
     return page
 
 
+def _made(recipe: Recipe, folder: Path) -> tuple[Path, dict[str, Any]]:
+    """Return the picture of a figure and the record of its run, empty where it was not made."""
+    picture, record = folder / f'figure-{recipe.figure}.png', record_of(recipe, folder)
+    is_made = picture.exists() and record.exists()
+    return picture, json.loads(record.read_text(encoding='utf-8')) if is_made else {}
+
+
+def record_of(recipe: Recipe, folder: Path) -> Path:
+    return folder / 'data' / f'figure-{recipe.figure}.json'
+
+
 def _filled(text: str) -> list[str]:
     return textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False)
 
 
 HEAD: Final = """# Figures of the paper, redrawn
 
-Basins of attraction and transient chaos in a gear-rattling model (de Souza & Caldas, 2001): of
-each figure what the paper's shows, in our own words and as far as it is known to us, what is found
-here, the command that makes ours, and what it prints. The displacement of the plane of initial
-conditions, which the text of the paper does not state, is s = 0 here, and -0.5 in figure 10.
+Basins of attraction and transient chaos in a gear-rattling model (de Souza & Caldas, 2001). For
+each figure: what the paper's shows, in our own words and as far as it is known to us; what is
+found here; the command that draws it; and what the command prints. The displacement of the plane
+of initial conditions, which the text of the paper does not state, is s = 0 here, and -0.5 in
+figure 10.
 
-This page and its pictures, which are smaller than those made, are written by
+This page and its pictures, smaller copies of the originals, are written by
 
 ```sh
 make figures ARGS="--page {page}"
@@ -170,14 +175,10 @@ h2 span { font-size: .8rem; padding: .15rem .5rem; border-radius: .6rem; color: 
 </style>
 <h1>Figures of de Souza &amp; Caldas (2001), redrawn</h1>
 <p>Basins of attraction and transient chaos in a gear-rattling model, Journal of Vibration and
-Control 7. Of each figure: what the paper's shows, in our own words and as far as it is known to
-us; what is found here; the command that makes ours and the numbers it prints. The displacement
+Control 7. For each figure: what the paper's shows, in our own words and as far as it is known to
+us; what is found here; the command that draws it and the numbers it prints. The displacement
 of the plane of initial conditions, which the text of the paper does not state, is s = 0 here,
 and -0.5 in figure 10.</p>
 @
 </html>
 """
-
-
-def record_of(recipe: Recipe, folder: Path) -> Path:
-    return folder / 'data' / f'figure-{recipe.figure}{RECORD}'
