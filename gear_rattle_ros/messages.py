@@ -18,12 +18,8 @@ from .core.stream.report_values import texts
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'
-LEVELS: Final = {
-    'ok': DiagnosticStatus.OK,
-    'warn': DiagnosticStatus.WARN,
-    'error': DiagnosticStatus.ERROR,
-}
-
+LEVELS: Final = {'ok': DiagnosticStatus.OK, 'warn': DiagnosticStatus.WARN,
+                 'error': DiagnosticStatus.ERROR}
 _FIELDS: Final = [
     PointField(name=name, offset=offset, datatype=datatype, count=count)
     for name, offset, datatype, count in point_fields()
@@ -34,11 +30,6 @@ def stamp_from_nanoseconds(nanoseconds: int) -> Time:
     """Return a ROS time from nanoseconds since the epoch; it wraps in 2038, as its seconds do."""
     seconds, rest = divmod(int(nanoseconds), 1_000_000_000)
     return Time(sec=seconds % 2**31, nanosec=rest)
-
-
-def nanoseconds_from_stamp(stamp: Time) -> int:
-    """Return nanoseconds since the epoch from a ROS time."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def drive_time_nanoseconds(cycle: int, phase: float, omega: float) -> int:
@@ -92,23 +83,18 @@ def events_from_cloud(cloud: PointCloud2) -> EventArray:
             f'cloud has row_step {cloud.row_step} for {cloud.width} points of {cloud.point_step}')
     return decode_points(
         [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields],
-        int(cloud.width) * int(cloud.height),
-        int(cloud.point_step),
-        bool(cloud.is_bigendian),
-        memoryview(cloud.data),
-    )
+        int(cloud.width) * int(cloud.height), int(cloud.point_step), bool(cloud.is_bigendian),
+        memoryview(cloud.data))
 
 
 def joint_state(values: Mapping[str, tuple[float, float]], stamp: Time,
                 frame_id: str = '') -> JointState:
     """Return a JointState of named (position, velocity) pairs; effort is filled with zeros."""
     return JointState(
-        header=Header(stamp=stamp, frame_id=frame_id),
-        name=list(values),
+        header=Header(stamp=stamp, frame_id=frame_id), name=list(values),
         position=array.array('d', [float(position) for position, _ in values.values()]),
         velocity=array.array('d', [float(velocity) for _, velocity in values.values()]),
-        effort=array.array('d', bytes(8 * len(values))),
-    )
+        effort=array.array('d', bytes(8 * len(values))))
 
 
 def named_values(values: Mapping[str, float], stamp: Time) -> JointState:

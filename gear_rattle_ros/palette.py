@@ -24,7 +24,7 @@ FORGOTTEN: Final = '#4d4d4d'
 
 
 def hue(number: int) -> str:
-    """Return the colour of an attractor, from its number on."""
+    """Return the colour of an attractor of this number."""
     return HUES[number % len(HUES)]
 
 
@@ -41,6 +41,12 @@ def painted(labels: npt.NDArray[np.signedinteger], colours: Mapping[int, str]
     for label, colour in colours.items():
         table[label - lowest] = [*rgb(colour), 255]
     return table[labels - lowest]
+
+
+def reach(exponents: npt.NDArray[np.floating]) -> float:
+    """Return the bound of all but the most extreme twentieth of some exponents [1]."""
+    finite = np.abs(exponents[np.isfinite(exponents)])
+    return max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -6,12 +6,7 @@ import difflib
 import math
 from typing import Final, TypeAlias
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces import msg
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -33,19 +28,17 @@ class Specification:
     high: float | None = None
     read_only: bool = False
 
-    def descriptor(self) -> ParameterDescriptor:
-        """Return the ROS descriptor."""
-        descriptor = ParameterDescriptor(
+    def descriptor(self) -> msg.ParameterDescriptor:
+        descriptor = msg.ParameterDescriptor(
             description=f'{self.description} [{self.unit}]' if self.unit else self.description,
-            read_only=self.read_only,
-        )
+            read_only=self.read_only)
         if self.low is not None and self.high is not None:
             if isinstance(self.default, float):
                 descriptor.floating_point_range = [
-                    FloatingPointRange(from_value=float(self.low), to_value=float(self.high))]
+                    msg.FloatingPointRange(from_value=float(self.low), to_value=float(self.high))]
             else:
                 descriptor.integer_range = [
-                    IntegerRange(from_value=int(self.low), to_value=int(self.high))]
+                    msg.IntegerRange(from_value=int(self.low), to_value=int(self.high))]
         return descriptor
 
     def check(self, value: object) -> Value:
@@ -185,15 +178,8 @@ TELEOP: Final = (
                   '1 per drive period', 1e-12, 1.0, read_only=True),
 )
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
-    'simulator': SIMULATOR,
-    'lyapunov': LYAPUNOV,
-    'transients': TRANSIENTS,
-    'basin': BASIN,
-    'recorder': RECORDER,
-    'replay': REPLAY,
-    'teleop': TELEOP,
-    'viewer': VIEWER,
-}
+    'simulator': SIMULATOR, 'lyapunov': LYAPUNOV, 'transients': TRANSIENTS, 'basin': BASIN,
+    'recorder': RECORDER, 'replay': REPLAY, 'teleop': TELEOP, 'viewer': VIEWER}
 
 
 def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
@@ -212,14 +198,12 @@ def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
             raise ValueError(f'unknown parameter {shown(name)}; {hint}')
     values = {}
     for specification in table:
-        value: object = specification.default
-        if specification.name in given:
-            value = given[specification.name]
-            node.undeclare_parameter(specification.name)
-        values[specification.name] = specification.check(value)
+        name = specification.name
+        if name in given:
+            node.undeclare_parameter(name)
+        values[name] = specification.check(given.get(name, specification.default))
         node.declare_parameter(
-            specification.name, values[specification.name], specification.descriptor(),
-            ignore_override=True)
+            name, values[name], specification.descriptor(), ignore_override=True)
     return values
 
 
@@ -228,31 +212,24 @@ def guard(node: Node, table: Sequence[Specification],
           apply: Callable[[dict[str, Value]], None]) -> None:
     """Let the parameters of a table be set live, all or none, or refuse them with a reason."""
     specifications = {specification.name: specification for specification in table}
+    doubles = [each.name for each in table if isinstance(each.default, float)]
 
     def promote(parameters: list[Parameter]) -> list[Parameter]:
-        return [
-            Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
-            if parameter.type_ == Parameter.Type.INTEGER and parameter.name in specifications
-            and isinstance(specifications[parameter.name].default, float) else parameter
-            for parameter in parameters
-        ]
+        return [Parameter(each.name, Parameter.Type.DOUBLE, float(each.value))
+                if each.type_ == Parameter.Type.INTEGER and each.name in doubles else each
+                for each in parameters]
 
-    def accept(parameters: list[Parameter]) -> SetParametersResult:
+    def accept(parameters: list[Parameter]) -> msg.SetParametersResult:
         # An exception would end the node: it becomes the answer instead.
         try:
-            validate({
-                parameter.name: specifications[parameter.name].check(parameter.value)
-                for parameter in parameters if parameter.name in specifications
-            })
+            validate({each.name: specifications[each.name].check(each.value)
+                      for each in parameters if each.name in specifications})
         except Exception as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+            return msg.SetParametersResult(successful=False, reason=str(error))
+        return msg.SetParametersResult(successful=True)
 
     def put(parameters: list[Parameter]) -> None:
-        apply({
-            parameter.name: parameter.value
-            for parameter in parameters if parameter.name in specifications
-        })
+        apply({each.name: each.value for each in parameters if each.name in specifications})
 
     node.add_pre_set_parameters_callback(promote)
     node.add_on_set_parameters_callback(accept)

@@ -3,31 +3,33 @@
 from pathlib import Path
 
 from .refusal import attempt, Parser
+from .run import add_picture, looks_of, require_picture
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Draw the picture of a bag."""
     parser = Parser('summary', description='Make one picture of a bag.')
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
-    parser.add_argument('--output', type=Path, metavar='FILE.png',
-                        help='the picture; by default summary.png beside the bag')
+    add_picture(parser)
+    parser.add_argument('--output', dest='picture', type=Path, metavar='FILE',
+                        help='the same as --picture; summary.png beside the bag by default')
     given = parser.parse_args(arguments)
     bag = given.bag.resolve()
-    output = given.output or bag.parent / 'summary.png'
+    output = given.picture or bag.parent / 'summary.png'
 
     def run() -> int:
         from ..bags import Bag, BagError
         from ..figures.digest import digest_of
-        from ..figures.summary import draw, save
-        at = given.bag
+        from ..figures.summary import draw
+        recorded = Bag(given.bag)
+        require_picture(output)
         try:
-            digest = digest_of(Bag(given.bag).events())
-            at = output
-            save(draw(digest, bag.name), output)
+            digest = digest_of(recorded.events())
         except BagError:
             raise
         except ValueError as error:
-            raise ValueError(f'{at}: {error}') from error
+            raise ValueError(f'{given.bag}: {error}') from error
+        draw(digest, bag.name, **looks_of(given)).savefig(output)
         print(output)
         return 0
 

@@ -16,7 +16,7 @@ from .view import CAP, LIFETIMES, SPAN
 from ..attractors.finding import CONSERVES, conserves_areas
 from ..attractors.matching import follow, points_of, Trace
 from ..core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNSETTLED
-from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, rgb
+from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, reach, rgb
 
 NAMES: Final = {
     UNSETTLED: f'unsettled after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
@@ -52,11 +52,9 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
     if picture.exponents is not None:
         return _paint_exponents(picture.exponents)
     if picture.view.kind == LIFETIMES:
-        table = np.array([rgb(colour) for colour in Inferno256], np.uint8)
-        pixels = np.full((*slowness.shape, 4), 255, np.uint8)
-        pixels[..., :3] = table[(np.clip(slowness, 0.0, 1.0) * 255.0).astype(np.int64)]
-        pixels[picture.labels == UNSETTLED, :3] = rgb(ENDS[UNSETTLED])
-        return pixels
+        shades = np.where(picture.labels == UNSETTLED, -1, (slowness * 255.0).clip(0.0, 255.0))
+        return painted(shades.astype(np.int64),
+                       {-1: ENDS[UNSETTLED]} | dict(enumerate(Inferno256)))
     pixels = painted(picture.labels, colours.by_label)
     shade = np.where(picture.labels == UNSETTLED, 1.0, 1.0 - DARKEST * np.clip(
         1.6 * (slowness - 0.2), 0.0, 1.0))
@@ -64,19 +62,13 @@ def paint(picture: Picture, colours: Colours) -> Pixels:
     return pixels
 
 
-def span_of(exponents: npt.NDArray[np.floating]) -> float:
-    """Return the bound of all but the most extreme twentieth of some exponents [1]."""
-    finite = exponents[np.isfinite(exponents)]
-    return max(1e-3, float(np.quantile(np.abs(finite), 0.95))) if len(finite) else 1.0
-
-
 def legend(picture: Picture, colours: Colours) -> str:
     """Return the meaning of the colours, in HTML."""
     if picture.exponents is not None:
-        reach = span_of(picture.exponents)
+        bound = reach(picture.exponents)
         lost = float(np.mean(np.isneginf(picture.exponents)))
-        words = (f'finite-time exponent over {SPAN} impacts [1]&ensp;−{reach:.2f} '
-                 f'{_bar(EXPONENTS)} +{reach:.2f}')
+        words = (f'finite-time exponent over {SPAN} impacts [1]&ensp;−{bound:.2f} '
+                 f'{_bar(EXPONENTS)} +{bound:.2f}')
         return words + (f'&emsp;{_swatch(FORGOTTEN)} sticks {lost:.1%}' if lost else '')
     shares = {int(label): count / picture.labels.size for label, count in zip(
         *np.unique(picture.labels, return_counts=True), strict=True)}
@@ -93,7 +85,7 @@ def legend(picture: Picture, colours: Colours) -> str:
 
 
 def _paint_exponents(exponents: npt.NDArray[np.float32]) -> Pixels:
-    share = np.nan_to_num(exponents / span_of(exponents), nan=0.0, posinf=1.0, neginf=-1.0)
+    share = np.nan_to_num(exponents / reach(exponents), nan=0.0, posinf=1.0, neginf=-1.0)
     share = np.clip(share, -1.0, 1.0)[..., None]
     falling, middle, growing = (np.array(rgb(colour)) for colour in EXPONENTS)
     towards = np.where(share > 0.0, growing, falling)

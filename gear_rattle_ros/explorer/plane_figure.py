@@ -2,17 +2,9 @@
 
 from collections.abc import Callable
 
+from bokeh import models
 from bokeh.events import Tap
-from bokeh.models import (
-    BoxZoomTool,
-    ColumnDataSource,
-    CustomJSHover,
-    HoverTool,
-    PanTool,
-    Range1d,
-    SaveTool,
-    WheelZoomTool,
-)
+from bokeh.models import ColumnDataSource, CustomJSHover, Range1d
 from bokeh.plotting import figure
 import numpy as np
 
@@ -25,7 +17,7 @@ from ..attractors.plane import TWO_PI
 Window = tuple[float, float]
 WIDTH = 618
 HEIGHT = 590
-# Replaces an exponent that is not known, for which the browser would write NaN [1].
+# Stands for an unknown exponent, for which the browser would write NaN [1].
 NONE = 1e9
 TIP = """
 <div style="font:12px system-ui,sans-serif;padding:1px 3px">
@@ -47,10 +39,11 @@ class PlaneFigure:
             name: [] for name in ('image', 'label', 'lifetime', 'exponent', 'x', 'y', 'dw', 'dh')})
         self._names = ColumnDataSource(data={'label': [], 'name': []})
         self._point = ColumnDataSource(name='point', data={'x': [], 'y': []})
-        wheel = WheelZoomTool()
+        wheel = models.WheelZoomTool()
         self.figure = figure(
             name='plane', width=WIDTH, height=HEIGHT, x_range=x_range, y_range=y_range,
-            tools=[PanTool(), wheel, BoxZoomTool(), SaveTool(filename='explorer')],
+            tools=[models.PanTool(), wheel, models.BoxZoomTool(),
+                   models.SaveTool(filename='explorer')],
             active_scroll=wheel, toolbar_location='right', min_border_left=66)
         plot = self.figure
         plot.toolbar.logo = None
@@ -66,7 +59,7 @@ class PlaneFigure:
         for size, colour, width in ((15, 'black', 4), (15, 'white', 2)):
             plot.scatter('x', 'y', source=self._point, size=size, marker='cross',
                          line_color=colour, line_width=width)
-        plot.add_tools(HoverTool(renderers=[image], tooltips=TIP, formatters={
+        plot.add_tools(models.HoverTool(renderers=[image], tooltips=TIP, formatters={
             '@label': CustomJSHover(args={'names': self._names}, code="""
                 const at = names.data.label.indexOf(value);
                 return at < 0 ? '' : names.data.name[at];"""),

@@ -1,5 +1,7 @@
 """Three figures of one trajectory: the motion, its impacts on the section, velocity by impact."""
 
+from typing import Any
+
 from bokeh.models import ColumnDataSource, Range1d, Span
 from bokeh.palettes import Viridis256
 from bokeh.plotting import figure
@@ -23,9 +25,8 @@ class TrajectoryFigures:
         self._motion = ColumnDataSource(name='motion', data={'t': [], 's': []})
         self._impacts = ColumnDataSource(
             name='impacts', data={'n': [], 'phase': [], 'velocity': []})
-        self.motion = figure(
-            width=WIDTH, height=MOTION_HEIGHT, tools='', toolbar_location=None,
-            x_range=Range1d(0, PERIODS), y_range=Range1d(-1.12, 0.12), title='motion')
+        self.motion = _figure('motion', WIDTH, MOTION_HEIGHT, Range1d(0, PERIODS),
+                              y_range=Range1d(-1.12, 0.12))
         self.motion.line('t', 's', source=self._motion, color=BLUE, line_width=1.4)
         for wall in (-1.0, 0.0):
             self.motion.add_layout(Span(location=wall, dimension='width', line_color=GREY,
@@ -35,26 +36,29 @@ class TrajectoryFigures:
         self.motion.yaxis.ticker = [-1, -0.5, 0]
         age = linear_cmap('n', Viridis256[::-1], 1, IMPACTS)
         phases = Range1d(0, TWO_PI)
-        self.section = figure(width=WIDTH // 2, height=HEIGHT, tools='', toolbar_location=None,
-                              x_range=phases, title='section: impacts, late ones dark')
+        self.section = _figure('section: impacts, late ones dark', WIDTH // 2, HEIGHT, phases)
         self.section.scatter('phase', 'velocity', source=self._impacts, size=4, color=age)
         self.section.xaxis.ticker = ticker(phases, is_phase=True)
         self.section.xaxis.formatter = formatter(phases, is_phase=True)
         self.section.xaxis.axis_label = 'drive phase [rad]'
         self.section.yaxis.axis_label = "s' before impact [1]"
-        self.sequence = figure(width=WIDTH - WIDTH // 2, height=HEIGHT, tools='',
-                               toolbar_location=None, title='velocity by impact',
-                               x_range=Range1d(0, IMPACTS))
+        self.sequence = _figure('velocity by impact', WIDTH - WIDTH // 2, HEIGHT,
+                                Range1d(0, IMPACTS))
         self.sequence.scatter('n', 'velocity', source=self._impacts, size=2.5, color=age)
         self.sequence.xaxis.axis_label = 'impact n'
         self.sequence.yaxis.axis_label = 'v_n [1]'
-        for plot in (self.motion, self.section, self.sequence):
-            plot.title.text_font_size = '12px'
-            plot.axis.axis_label_text_font_style = 'normal'
-            plot.grid.grid_line_color = '#ececec'
 
     def show(self, trajectory: Trajectory) -> None:
         """Draw a trajectory."""
         self._motion.data = {'t': trajectory.periods, 's': trajectory.displacement}
         self._impacts.data = {'n': np.arange(1, len(trajectory.phases) + 1),
                               'phase': trajectory.phases, 'velocity': trajectory.velocities}
+
+
+def _figure(title: str, width: int, height: int, x_range: Range1d, **options: Any) -> figure:
+    plot = figure(title=title, width=width, height=height, x_range=x_range, tools='',
+                  toolbar_location=None, **options)
+    plot.title.text_font_size = '12px'
+    plot.axis.axis_label_text_font_style = 'normal'
+    plot.grid.grid_line_color = '#ececec'
+    return plot

@@ -6,11 +6,11 @@ from typing import Final, TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
-from .style import add_axes, equalise, Looks, new_figure, shade, VELOCITY_LABEL, widened
+from . import style
+from .style import add_axes, Looks, new_figure
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
@@ -22,54 +22,48 @@ if TYPE_CHECKING:
 
 # Margins of a picture [pixels].
 LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
-# Columns and bins are drawn at least so many pixels wide in all.
+# Least size of a raster [pixels].
 WIDTH, HEIGHT, EXPONENT_HEIGHT = 780, 450, 190
-# All rasters together are at most about so high [pixels].
+# Largest height of all rasters together, roughly [pixels].
 TALLEST: Final = 1100
-# A legend has room for so many attractors.
+# Number of attractors for which the legend has room.
 LEGEND_MOST: Final = 5
 # An attractor in fewer columns than this share is not in the legend.
 RARE: Final = 0.02
+ALPHA_LABEL: Final = 'amplitude of the drive, alpha [1]'
+SWEEPS: Final = {'starts': 'from many initial conditions at each alpha',
+                 'up': 'followed upwards in alpha', 'down': 'followed downwards'}
 
 
 def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw an orbit diagram."""
     exponent, raster = looks.exponent, looks.raster
     sweeps = [str(name) for name in dataset['sweep'].values]
-    shown = list(range(len(sweeps)))
     columns, bins = len(dataset['alpha'].values), len(dataset['velocity'].values)
     width = columns * max(1, round(WIDTH / columns))
-    merged = max(1, round(bins * len(shown) / TALLEST))
+    merged = max(1, round(bins * len(sweeps) / TALLEST))
     height = bins // merged * max(1, round(HEIGHT * merged / bins)) if raster else 0
     below = EXPONENT_HEIGHT if exponent and raster else HEIGHT if exponent else 0
-    total = TOP + BOTTOM + len(shown) * height + below + GAP * (len(shown) * raster + exponent - 1)
+    total = (TOP + BOTTOM + len(sweeps) * height + below
+             + GAP * (len(sweeps) * raster + exponent - 1))
     figure = new_figure(LEFT + width + RIGHT, total, looks)
-    figure.text(LEFT / (LEFT + width + RIGHT), 1.0 - 14 / total, looks.title or _title(dataset),
-                va='top', fontsize=13)
+    style.write_title(figure, LEFT, looks.title or _title(dataset))
     bottom = total - TOP
-    first: Axes | None = None
-    if raster:
-        for k in shown:
-            bottom -= height
-            axes = add_axes(figure, LEFT, bottom, width, height)
-            draw_raster(axes, dataset, k, merged, looks)
-            if len(shown) > 1:
-                axes.text(0.01, 0.02, {
-                    'starts': 'from many initial conditions at each alpha',
-                    'up': 'followed upwards in alpha', 'down': 'followed downwards',
-                }[sweeps[k]], transform=axes.transAxes, color=GREY)
-            first = first or axes
-            bottom -= GAP
-            axes.tick_params(labelbottom=False)
+    panels: list[Axes] = []
+    for k, sweep in enumerate(sweeps if raster else ()):
+        bottom -= height
+        panels.append(add_axes(figure, LEFT, bottom, width, height))
+        panels[-1].tick_params(labelbottom=False)
+        draw_raster(panels[-1], dataset, k, merged, looks)
+        if len(sweeps) > 1:
+            panels[-1].text(0.01, 0.02, SWEEPS[sweep], transform=panels[-1].transAxes, color=GREY)
+        bottom -= GAP
     if exponent:
-        axes = add_axes(figure, LEFT, bottom - below, width, below)
-        draw_exponents(axes, dataset, shown[0], looks)
-        first = first or axes
-    else:
-        axes.tick_params(labelbottom=True)
-    axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
-    assert first is not None
-    _legend(first, dataset, shown, looks)
+        panels.append(add_axes(figure, LEFT, bottom - below, width, below))
+        draw_exponents(panels[-1], dataset, looks)
+    panels[-1].tick_params(labelbottom=True)
+    panels[-1].set_xlabel(ALPHA_LABEL, fontsize=12)
+    _legend(panels[0], dataset, looks)
     return figure
 
 
@@ -87,22 +81,21 @@ def draw_raster(axes: Axes, dataset: 'xarray.Dataset', sweep: int, merged: int, 
         # In steps of a tenth: what differs by rounding has one shade.
         with np.errstate(divide='ignore'):
             level = np.log(own / np.maximum(1.0, own.sum(axis=1, keepdims=True)))
-        share = equalise(np.exp(np.round(10.0 * level) / 10.0)).T
-        share = widened(share)
+        share = style.widened(style.equalise(np.exp(np.round(10.0 * level) / 10.0)).T)
         above = share > strength
-        picture[above] = shade(colour, share)[above]
+        picture[above] = style.shade(colour, share)[above]
         strength[above] = share[above]
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
                 extent=_extent(alphas, velocities))
-    axes.set_ylabel(VELOCITY_LABEL, fontsize=12)
+    axes.set_ylabel(style.VELOCITY_LABEL, fontsize=12)
 
 
-def draw_exponents(axes: Axes, dataset: 'xarray.Dataset', sweep: int, looks: Looks) -> None:
-    """Draw the largest exponent of every attractor with its error."""
+def draw_exponents(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
+    """Draw the largest exponent of every attractor of the first sweep with its error."""
     alphas = dataset['alpha'].values
-    exponents, errors = (dataset[name].values[sweep] for name in ('exponent', 'exponent_error'))
+    exponents, errors = (dataset[name].values[0] for name in ('exponent', 'exponent_error'))
     axes.axhline(0.0, color='black', linewidth=0.8)
-    for mine, colour in _coloured(dataset, sweep, looks):
+    for mine, colour in _coloured(dataset, 0, looks):
         line, band = (_of(mine, values) for values in (exponents, errors))
         if np.count_nonzero(np.isfinite(line)) < RARE * len(alphas):
             axes.plot(alphas, line, '.', color=colour, markersize=2)
@@ -133,15 +126,15 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     of = dataset['event_attractor'].values
     for kind, alpha, number in zip(kinds, where, of, strict=True):
         if alphas[0] <= alpha <= alphas[-1]:
-            style = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
-            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=style, linewidth=1.0)
+            dashes = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
+            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
-    axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
+    axes.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
-    figure.text(LEFT / (LEFT + WIDTH + RIGHT), 1.0 - 14 / 560, looks.title or
-                'Shares of the attractors; lines: fold (solid), doubling (dotted), crisis '
-                '(dashed), others (dash-dotted)', va='top', fontsize=13)
-    _legend(axes, dataset, [0], looks)
+    style.write_title(figure, LEFT, looks.title or (
+        'Shares of the attractors; lines: fold (solid), doubling (dotted), crisis (dashed), '
+        'others (dash-dotted)'))
+    _legend(axes, dataset, looks)
     return figure
 
 
@@ -169,16 +162,15 @@ def _extent(alphas: FloatArray, velocities: FloatArray) -> tuple[float, float, f
     return alphas[0] - a, alphas[-1] + a, velocities[0] - v, velocities[-1] + v
 
 
-def _legend(axes: Axes, dataset: 'xarray.Dataset', shown: list[int], looks: Looks) -> None:
-    numbers = dataset['attractor'].values[shown]
+def _legend(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
+    numbers = dataset['attractor'].values
     columns = numbers.shape[1]
     names = [int(n) for n in np.unique(numbers[numbers >= 0])
              if np.max(np.count_nonzero((numbers == n).any(axis=2), axis=1)) >= RARE * columns]
-    handles = [Line2D([], [], marker='s', linestyle='none', color=looks.hue(n),
-                      label=f'attractor {n}') for n in names[:LEGEND_MOST]]
-    if np.any(dataset['kind'].values[shown] == KINDS.index(Kind.UNSETTLED.value)):
-        handles.append(Line2D([], [], marker='s', linestyle='none', color=GREY,
-                              label='unsettled'))
+    handles = [style.legend_mark('s', looks.hue(n), f'attractor {n}')
+               for n in names[:LEGEND_MOST]]
+    if np.any(dataset['kind'].values == KINDS.index(Kind.UNSETTLED.value)):
+        handles.append(style.legend_mark('s', GREY, 'unsettled'))
     axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
                 ncols=len(handles), fontsize=11, handletextpad=0.2, columnspacing=1.2,
                 borderaxespad=0.1)

@@ -24,7 +24,7 @@ ESTIMATE: Final = np.dtype([
     ('sum', np.float64), ('exact_sum', np.float64)])
 RowArray = npt.NDArray[np.void]
 
-# Kept at the most: impacts, retunes, estimates, last events, first and last words.
+# Largest numbers kept: impacts, retunes, estimates, last events, first and last words.
 POINTS_MOST: Final = 60_000
 CHANGES_MOST: Final = 20_000
 ESTIMATES_MOST: Final = 4_000
@@ -78,8 +78,7 @@ class Digest:
 
     `changes` are the first event, retunes and resets; `words` the first few and the last few
     orbits and transients; `infinite` is the reason why the last exponent is infinite; `tail` are
-    the last events that have no hole between them. Finite-time
-    exponents are over `window` impacts.
+    the last events without a hole between them. Finite-time exponents are over `window` impacts.
     """
 
     def __init__(self, window: int = 1000) -> None:
@@ -146,7 +145,7 @@ class Digest:
 
 
 def in_words(word: Word) -> str:
-    """Put what was found into a line, with alpha and the number of the impact."""
+    """Return what was found as a line, with alpha and the number of the impact."""
     text = f'impact {word.impact:,}, alpha {word.alpha:g}: '
     if word.report.regime is Regime.TRANSIENT:
         known = f', {word.report.describe()}' if word.report.impacts else ''

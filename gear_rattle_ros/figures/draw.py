@@ -1,10 +1,10 @@
 """The picture of a dataset, whichever study it is from."""
 
+from collections.abc import Callable
 import importlib
 from pathlib import Path
 from typing import Any, Final, TYPE_CHECKING
 
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from .style import Looks
@@ -23,8 +23,6 @@ PICTURES: Final = {
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'section': {'': 'section.draw_section'},
 }
-# Letters stay letters, which journals ask for: no outlines, no fonts of Type 3.
-FONTS: Final[Any] = {'pdf.fonttype': 42, 'ps.fonttype': 42, 'svg.fonttype': 'none'}
 
 
 def draw(dataset: 'xarray.Dataset', **looks: Any) -> Figure:
@@ -44,7 +42,7 @@ def draw(dataset: 'xarray.Dataset', **looks: Any) -> Figure:
         Ready to be saved.
 
     """
-    return _drawn(dataset, '', Looks(**looks))
+    return _drawer(_names(dataset)[''])(dataset, Looks(**looks))
 
 
 def save(dataset: 'xarray.Dataset', path: Path | str, **looks: Any) -> list[Path]:
@@ -56,7 +54,7 @@ def save(dataset: 'xarray.Dataset', path: Path | str, **looks: Any) -> list[Path
     dataset : xarray.Dataset
         As a study returns it, or `open_dataset`.
     path : Path or str
-        Ends in .png, .pdf, .svg or .jpg.
+        Ends in .png, .pdf, .svg or .jpg; the fonts of PDF and SVG are real ones.
     **looks
         As `draw` takes them.
 
@@ -66,22 +64,21 @@ def save(dataset: 'xarray.Dataset', path: Path | str, **looks: Any) -> list[Path
         What was written.
 
     """
-    written = []
-    for suffix in PICTURES[dataset.attrs['tool']]:
-        path = Path(path)
-        name = path.with_name(f'{path.stem}-{suffix}{path.suffix}') if suffix else path
-        with rc_context(FONTS):
-            _drawn(dataset, suffix, Looks(**looks)).savefig(name)
-        written.append(name)
+    path, written = Path(path), []
+    for suffix, name in _names(dataset).items():
+        written.append(path.with_name(f'{path.stem}-{suffix}{path.suffix}') if suffix else path)
+        _drawer(name)(dataset, Looks(**looks)).savefig(written[-1])
     return written
 
 
-def _drawn(dataset: 'xarray.Dataset', which: str, looks: Looks) -> Figure:
+def _names(dataset: 'xarray.Dataset') -> dict[str, str]:
     tool = dataset.attrs.get('tool')
     if tool not in PICTURES:
         raise ValueError(f'the dataset is of {tool!r}, which has no picture; there are '
                          f'{", ".join(PICTURES)}')
-    module, function = PICTURES[tool][which].split('.')
-    drawn: Figure = getattr(importlib.import_module(f'.{module}', __package__), function)(
-        dataset, looks)
-    return drawn
+    return PICTURES[tool]
+
+
+def _drawer(name: str) -> Callable[['xarray.Dataset', Looks], Figure]:
+    module, function = name.split('.')
+    return getattr(importlib.import_module(f'.{module}', __package__), function)

@@ -5,7 +5,6 @@ import math
 from typing import Any, Final, TYPE_CHECKING
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -14,16 +13,16 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .style import Looks, phase_ticks, thousands
+from .style import Looks, new_figure, phase_ticks, thousands
 from ..core.many.settling import UNSETTLED
 from ..core.words import counted
-from ..palette import BLUE, ENDS, EXPONENTS, FORGOTTEN, GREY, ORANGE, painted
+from ..palette import ENDS, EXPONENTS, FORGOTTEN, GREY, painted, reach
 
 if TYPE_CHECKING:
     import xarray
 
 DPI: Final = 120
-# No picture has more cells than this along an edge: the rest is not seen anyway.
+# Most cells along an edge of a picture: more are not seen.
 EDGE: Final = 2000
 
 
@@ -68,13 +67,12 @@ def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     figure, axes = _new(dataset, 'Finite-time exponents over '
                         f'{counted(dataset.attrs["impacts"], "impact")}', looks)
     exponents = _thinned(dataset['exponent'])
-    finite = np.abs(exponents[np.isfinite(exponents)])
-    reach = max(1e-3, float(np.quantile(finite, 0.95))) if len(finite) else 1.0
+    bound = reach(exponents)
     colours = looks.scale('') if looks.colours else LinearSegmentedColormap.from_list(
         'exponents', EXPONENTS)
     drawn = axes.imshow(np.ma.masked_invalid(exponents),
                         cmap=colours.with_extremes(bad=FORGOTTEN),
-                        norm=Normalize(-reach, reach), **_placed(dataset))
+                        norm=Normalize(-bound, bound), **_placed(dataset))
     figure.colorbar(drawn, ax=axes, shrink=0.9, extend='both').set_label(
         'finite-time exponent per impact [1]')
     _label(axes, dataset.attrs['phase_window'])
@@ -109,11 +107,11 @@ def draw_survival(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     figure, axes = _new(dataset, 'Survival', looks)
     times, survival = dataset['edge'].values, dataset['survival'].values
     begin, rate = (float(dataset.attrs[f'escape_{name}']) for name in ('begin', 'rate'))
-    axes.plot(times, survival, color=BLUE, label='share still transient')
+    axes.plot(times, survival, color=looks.hue(0), label='share still transient')
     if rate > 0.0 and np.isfinite(rate):
         tail = times[times >= begin]
         at_begin = float(np.interp(begin, times, survival))
-        axes.plot(tail, at_begin * np.exp(-rate * (tail - begin)), color=ORANGE,
+        axes.plot(tail, at_begin * np.exp(-rate * (tail - begin)), color=looks.hue(1),
                   linestyle='--', label=f'exponential tail, 1/rate = {1.0 / rate:,.0f} impacts')
     axes.set(xlabel='impacts', ylabel='share of the initial conditions', yscale='log')
     axes.xaxis.set_major_formatter(FuncFormatter(thousands))
@@ -126,8 +124,7 @@ def draw_survival(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 
 def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, Axes]:
     a = dataset.attrs
-    figure = Figure((9.0, 8.0), dpi=looks.dpi or DPI, layout='constrained')
-    FigureCanvasAgg(figure)
+    figure = new_figure(1080, 960, looks, DPI, layout='constrained')
     plane = f', s = {a["displacement"]:g}' if 'size' in a else ''
     figure.suptitle(looks.title or f'{title}, alpha {a["alpha"]:g}, beta {a["beta"]:g}, gamma '
                     f'{a["gamma"]:g}, r {a["restitution"]:g}{plane}', fontsize=12)
@@ -135,7 +132,6 @@ def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, A
 
 
 def _thinned(grid: 'xarray.DataArray') -> npt.NDArray[Any]:
-    # So many cells as can be seen.
     every = tuple(slice(None, None, -(-length // EDGE)) for length in grid.shape)
     return np.asarray(grid[every].values)
 

@@ -1,8 +1,7 @@
 """
 The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
 
-A recipe is a YAML file: the figure's name and title, what the paper's figure shows and the source
-of that, the command that redraws it, and what was found. The page has what the command prints.
+A recipe is a YAML file with the fields of `Recipe`. What its command prints is kept for the page.
 """
 
 import dataclasses
@@ -12,17 +11,15 @@ from pathlib import Path
 import re
 import shlex
 import textwrap
-from typing import Final
+from typing import Any, Final
 
 from ..plain_yaml import read_yaml
 
 FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
 AGREES: Final = {'yes': 'Agrees', 'partly': 'Partly agrees', 'no': 'Disagrees',
                  'unknown': 'Cannot be compared'}
-# Tools whose commands a recipe may give.
+# Tools that a recipe may run.
 TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'orbit_diagram', 'section')
-# What each figure's run has left beside its picture.
-RECORD: Final = '.json'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +41,7 @@ class Recipe:
     finding: str
 
     def words(self, folder: Path) -> list[str]:
-        """Return tool and options, which go on with what they find in a folder."""
+        """Return tool and options; what is in the folder already is resumed."""
         def fill(word: str) -> str:
             named = re.fullmatch(r'\{store(?::(\w+))?\}', word)
             if named:
@@ -75,11 +72,12 @@ def _recipe(path: Path) -> Recipe:
     try:
         command = tuple(shlex.split(values.pop('command')))
     except ValueError as error:
-        raise ValueError(f'{path}: the command is none: {error}') from error
+        raise ValueError(f'{path}: the command cannot be read: {error}') from error
     if values['agrees'] not in AGREES:
-        raise ValueError(f'{path}: agrees = {values["agrees"]!r} is none of {", ".join(AGREES)}')
+        raise ValueError(f'{path}: agrees = {values["agrees"]!r} is not one of '
+                         f'{", ".join(AGREES)}')
     if not command or command[0] not in TOOLS:
-        raise ValueError(f'{path}: the command begins with none of {", ".join(TOOLS)}')
+        raise ValueError(f'{path}: the command does not begin with one of {", ".join(TOOLS)}')
     for word in ('{picture}', '--picture', '--output'):
         if word not in command:
             raise ValueError(f'{path}: the command lacks {word}')
@@ -88,13 +86,11 @@ def _recipe(path: Path) -> Recipe:
 
 def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
     """Write the page that shows all figures made so far and compares them with the paper's."""
-    parts = []
+    parts, e = [], html.escape
     for recipe in recipes.values():
-        picture = folder / f'figure-{recipe.figure}.png'
-        if not record_of(recipe, folder).exists() or not picture.exists():
+        picture, record = _made(recipe, folder)
+        if not record:
             continue
-        record = json.loads(record_of(recipe, folder).read_text(encoding='utf-8'))
-        e = html.escape
         parts.append(
             f'<section id="f{e(recipe.figure)}">'
             f'<h2>Figure {e(recipe.figure)}: {e(recipe.title)} '
@@ -116,10 +112,9 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
     small = page.with_suffix('')
     parts = [HEAD.format(page=page)]
     for recipe in recipes.values():
-        picture = folder / f'figure-{recipe.figure}.png'
-        if not record_of(recipe, folder).exists() or not picture.exists():
+        picture, record = _made(recipe, folder)
+        if not record:
             raise ValueError(f'{picture} has not been made; run: figures {recipe.figure}')
-        record = json.loads(record_of(recipe, folder).read_text(encoding='utf-8'))
         small.mkdir(parents=True, exist_ok=True)
         shrink(picture, small / picture.name)
         printed = [line.rstrip() for line in record['printed'].strip('\n').splitlines()
@@ -136,6 +131,17 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
                 subsequent_indent='    ')), '```', '', *numbers]
     page.write_text('\n'.join(parts).rstrip() + '\n', encoding='utf-8')
     return page
+
+
+def _made(recipe: Recipe, folder: Path) -> tuple[Path, dict[str, Any]]:
+    """Return the picture of a figure and the record of its run, empty where it was not made."""
+    picture, record = folder / f'figure-{recipe.figure}.png', record_of(recipe, folder)
+    is_made = picture.exists() and record.exists()
+    return picture, json.loads(record.read_text(encoding='utf-8')) if is_made else {}
+
+
+def record_of(recipe: Recipe, folder: Path) -> Path:
+    return folder / 'data' / f'figure-{recipe.figure}.json'
 
 
 def _filled(text: str) -> list[str]:
@@ -175,7 +181,3 @@ of initial conditions; it is s = 0 here, and -0.5 in figure 10.</p>
 @
 </html>
 """
-
-
-def record_of(recipe: Recipe, folder: Path) -> Path:
-    return folder / 'data' / f'figure-{recipe.figure}{RECORD}'

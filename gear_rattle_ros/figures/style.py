@@ -1,32 +1,32 @@
 """How figures look: colours, axes that match pixels, ticks in pi."""
 
 import dataclasses
-import functools
 import math
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
 from ..core.arrays import FloatArray
-from ..palette import hue
+from ..palette import GREY, hue
 
 DPI: Final = 100
+# Letters stay letters in PDF and SVG, as journals ask: no outlines, no fonts of Type 3.
+FONTS: Final[Any] = {'pdf.fonttype': 42, 'ps.fonttype': 42, 'svg.fonttype': 'none'}
 # Basins in the greys of the paper: light and black first.
 PAPER: Final = ('#bfbfbf', '#000000', '#7f7f7f', '#dfdfdf', '#3f3f3f')
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.
 HALO: Final = 0.45
-# Copies of pictures are so wide at the most, smaller where the file would be too long [pixels,
-# bytes], in so many colours.
+# Small copies: the widths to try [pixels] until the file is short enough [bytes], and colours.
 SMALL: Final = (600, 520, 440, 380)
 LONGEST: Final = 100_000
 COLOURS: Final = 48
@@ -36,21 +36,17 @@ PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
 @dataclasses.dataclass(frozen=True)
 class Looks:
-    """
-    How a picture looks, where that is not as usual.
-
-    `colours` names a colour map of matplotlib, or is 'paper': the greys of the paper. An orbit
-    diagram has a `raster` of velocities and the `exponent`.
-    """
+    """How a picture looks, where that is not as usual."""
 
     title: str | None = None
     dpi: float | None = None
+    # A colour map of matplotlib, or 'paper': the greys of the paper.
     colours: str | None = None
+    # An orbit diagram has a raster of velocities and the exponents.
     raster: bool = True
     exponent: bool = True
 
     def __post_init__(self) -> None:
-        """Validate."""
         if self.dpi is not None and not 10.0 <= self.dpi <= 2400.0:
             raise ValueError(f'--dpi {self.dpi:g} is not between 10 and 2400')
         if self.colours not in (None, 'paper', *colormaps):
@@ -59,11 +55,10 @@ class Looks:
 
     @property
     def is_paper(self) -> bool:
-        """Whether the greys of the paper are asked for."""
         return self.colours == 'paper'
 
     def hue(self, number: int) -> str:
-        """Return the colour of an attractor, from its number on."""
+        """Return the colour of an attractor of this number."""
         if self.colours is None:
             return hue(number)
         if self.is_paper:
@@ -77,11 +72,17 @@ class Looks:
         return colormaps['gray_r' if self.is_paper else self.colours or usual]
 
 
-def new_figure(width: int, height: int, looks: Looks) -> Figure:
-    """Make an empty figure of a size in pixels, at `DPI`."""
-    figure = Figure((width / DPI, height / DPI), dpi=looks.dpi or DPI, facecolor='white')
-    FigureCanvasAgg(figure)
-    return figure
+class Picture(Figure):
+    """A figure that is saved with real fonts, whatever the caller has set."""
+
+    def savefig(self, *arguments: Any, **options: Any) -> None:
+        with rc_context(FONTS):
+            super().savefig(*arguments, **options)
+
+
+def new_figure(width: int, height: int, looks: Looks, dpi: int = DPI, **options: Any) -> Figure:
+    """Make an empty figure of a size in pixels, at the usual `dpi`."""
+    return Picture((width / dpi, height / dpi), dpi=looks.dpi or dpi, facecolor='white', **options)
 
 
 def add_axes(figure: Figure, left: int, bottom: int, width: int, height: int) -> Axes:
@@ -90,6 +91,23 @@ def add_axes(figure: Figure, left: int, bottom: int, width: int, height: int) ->
     axes = figure.add_axes((left / w, bottom / h, width / w, height / h))
     axes.tick_params(direction='out', labelsize=11)
     return axes
+
+
+def write_title(figure: Figure, left: int, text: str) -> None:
+    """Write a title at the top, beginning at a pixel."""
+    width, height = figure.get_size_inches() * DPI
+    figure.text(left / width, 1.0 - 14 / height, text, va='top', fontsize=13)
+
+
+def legend_mark(marker: str, colour: str, label: str) -> Line2D:
+    return Line2D([], [], marker=marker, linestyle='none', color=colour, label=label)
+
+
+def name_walls(axes: Axes) -> None:
+    """Draw the line between impacts on the two walls, and name both sides."""
+    axes.axhline(0.0, color=GREY, linewidth=0.6)
+    for y, wall, side in ((0.985, 'upper', 'top'), (0.015, 'lower', 'bottom')):
+        axes.text(0.01, y, f'{wall} wall', transform=axes.transAxes, va=side, color=GREY)
 
 
 def shrink(picture: Path, small: Path) -> None:
@@ -109,8 +127,8 @@ def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None
     for parts in (2, 4, 8, 16):
         if (window[1] - window[0]) >= 2.5 * math.pi / parts:
             axes.xaxis.set_major_locator(MultipleLocator(math.pi / parts))
-            axes.xaxis.set_major_formatter(FuncFormatter(
-                functools.partial(_tick_in_pi, parts)))
+            axes.xaxis.set_major_formatter(
+                FuncFormatter(lambda value, _, parts=parts: in_pi(value, parts)))
             return
     axes.xaxis.set_major_locator(MaxNLocator(6))
 
@@ -129,10 +147,6 @@ def in_pi(value: float, parts: int) -> str:
     top, bottom = n // common, parts // common
     text = {1: 'π', -1: '−π'}.get(top, f'{top}π'.replace('-', '−'))
     return text if bottom == 1 else f'{text}/{bottom}'
-
-
-def _tick_in_pi(parts: int, value: float, _: int | None) -> str:
-    return in_pi(value, parts)
 
 
 def shade(colour: str, share: FloatArray) -> FloatArray:

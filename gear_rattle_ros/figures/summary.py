@@ -1,59 +1,64 @@
 """One picture of a bag: section, velocities, alpha, exponents, the last motion, in words."""
 
+from collections.abc import Callable
 import io
 import math
-from pathlib import Path
 import textwrap
-from typing import Final
+from typing import Any, Final, TypeAlias
 
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from .digest import Digest, digest_of, in_words, RowArray
-from .style import phase_ticks, thousands, VELOCITY_LABEL
+from .style import Looks, name_walls, new_figure, phase_ticks, thousands, VELOCITY_LABEL
 from ..core.arrays import FloatArray
 from ..core.flight.simulation import Simulation
 from ..core.model import Parameters, State
 from ..core.stream.reconstruction import rebuild
 from ..core.words import counted
-from ..palette import BLUE, GREEN, GREY, ORANGE, PURPLE
+from ..palette import GREY
 
-WIDTH, HEIGHT, DPI = 16.0, 10.0, 100
+WIDTH, HEIGHT = 1600, 1000
 TWO_PI = 2.0 * math.pi
-# s(tau) is drawn over this many drive periods.
+# Drive periods over which s(tau) is drawn.
 PERIODS: Final = 6
 # The running exponent is not drawn before this many impacts.
 IMPACTS_LEAST: Final = 30
 # More retunes than this are a ramp: no line for each.
 LINES_MOST: Final = 20
-# This many lines of words fit below the section.
+# Lines of words that fit below the section.
 WORDS_ROWS: Final = 8
 MAP: Final = 'plasma'
 # Its bright end is hard to see on white.
 MAP_END: Final = 0.75
 
+Colour: TypeAlias = Callable[[FloatArray], FloatArray]
 
-def draw(digest: Digest, name: str) -> Figure:
-    """Draw a run."""
-    figure = Figure((WIDTH, HEIGHT), dpi=DPI, layout='constrained')
-    FigureCanvasAgg(figure)
-    figure.suptitle(title_of(digest, name), fontsize=14)
+
+def draw(digest: Digest, name: str, **options: Any) -> Figure:
+    """Draw a run; the options are those of `Looks`."""
+    looks = Looks(**options)
+    figure = new_figure(WIDTH, HEIGHT, looks, layout='constrained')
+    figure.suptitle(looks.title or title_of(digest, name), fontsize=14)
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.15))[0]
     section, words = left.subplots(2, 1, height_ratios=(5.0, 1.0))
     velocity, alpha, exponents, motion = right.subplots(4, 1, height_ratios=(1.0, 0.6, 1.3, 0.8))
     # One scale of colour for both pictures of the impacts.
     norm = Normalize(*_spread(digest.points.rows['alpha']))
-    draw_section(section, digest, norm)
+
+    def colour(alphas: FloatArray) -> FloatArray:
+        share = MAP_END * norm(alphas)
+        return np.asarray(looks.map(MAP)(1.0 - share if looks.is_paper else share), np.float64)
+
+    draw_section(section, digest, colour)
     draw_words(words, digest)
-    draw_velocity(velocity, digest, norm)
-    draw_alpha(alpha, digest)
-    draw_exponents(exponents, digest)
-    draw_motion(motion, digest)
+    draw_velocity(velocity, digest, colour)
+    draw_alpha(alpha, digest, looks)
+    draw_exponents(exponents, digest, looks)
+    draw_motion(motion, digest, looks)
     return figure
 
 
@@ -68,30 +73,25 @@ def title_of(digest: Digest, name: str) -> str:
             f'beta {event["beta"]:g}, gamma {event["gamma"]:g}, r {event["restitution"]:g}')
 
 
-def draw_section(axes: Axes, digest: Digest, norm: Normalize) -> None:
+def draw_section(axes: Axes, digest: Digest, colour: Colour) -> None:
     """Draw where impacts fall in phase and velocity."""
     points = digest.points.rows
-    drawn = axes.scatter(
-        points['phase'], points['velocity'], s=_size(len(points)), linewidths=0,
-        c=_colours(points, norm), rasterized=True)
+    _scatter(axes, 'phase', points, colour)
     share = 'every impact' if len(points) == digest.impacts else counted(len(points), 'impact')
     axes.set_title(f'Section: {share}, coloured by alpha')
     axes.set(xlim=(0.0, TWO_PI), ylabel=VELOCITY_LABEL)
     phase_ticks(axes, (0.0, TWO_PI), size=10)
-    axes.axhline(0.0, color=GREY, linewidth=0.6)
+    name_walls(axes)
     # Room for the legend above the points.
     low, high = _spread(points['velocity'])
     axes.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
-    axes.text(0.01, 0.99, 'upper wall', transform=axes.transAxes, va='top', color=GREY)
-    axes.text(0.01, 0.01, 'lower wall', transform=axes.transAxes, va='bottom', color=GREY)
     values, counts = np.unique(points['alpha'], return_counts=True)
     shown = values[np.argsort(-counts, kind='stable')][:8]
     for value in sorted(shown):
-        axes.scatter([], [], s=30, color=_colour(float(value), norm), label=f'alpha {value:g}')
+        axes.scatter([], [], s=30, color=colour(value), label=f'alpha {value:g}')
     if len(values) > len(shown):
         axes.scatter([], [], s=0, label=f'and {len(values) - len(shown):,} more')
     axes.legend(loc='upper right', framealpha=0.9)
-    drawn.set_gid('section')
 
 
 def draw_words(axes: Axes, digest: Digest) -> None:
@@ -110,11 +110,10 @@ def draw_words(axes: Axes, digest: Digest) -> None:
     text.set_in_layout(False)
 
 
-def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
+def draw_velocity(axes: Axes, digest: Digest, colour: Colour) -> None:
     """Draw velocities in the order of the impacts, with the retunes."""
     points, changes = digest.points.rows, digest.changes.rows[1:]
-    axes.scatter(points['impact'], points['velocity'], s=_size(len(points)), linewidths=0,
-                 c=_colours(points, norm), rasterized=True)
+    _scatter(axes, 'impact', points, colour)
     if len(changes) <= LINES_MOST:
         for row in changes:
             axes.axvline(row['impact'], color=GREY, linewidth=0.8, linestyle='--')
@@ -126,18 +125,18 @@ def draw_velocity(axes: Axes, digest: Digest, norm: Normalize) -> None:
     _count_axis(axes)
 
 
-def draw_alpha(axes: Axes, digest: Digest) -> None:
+def draw_alpha(axes: Axes, digest: Digest, looks: Looks) -> None:
     """Draw alpha in time."""
     assert digest.place is not None
     changes = digest.changes.rows
     axes.step([*changes['drive_time'], digest.place.drive_time],
-              [*changes['alpha'], digest.place.event['alpha']], where='post', color=ORANGE)
+              [*changes['alpha'], digest.place.event['alpha']], where='post', color=looks.hue(1))
     axes.set(title='Amplitude of the drive', xlabel='time [drive periods]', ylabel='alpha [1]')
     axes.margins(x=0.0, y=0.2)
     _count_axis(axes)
 
 
-def draw_exponents(axes: Axes, digest: Digest) -> None:
+def draw_exponents(axes: Axes, digest: Digest, looks: Looks) -> None:
     """Draw the running and finite-time exponents, with the error and the exact sum."""
     rows = digest.estimates.rows.copy()
     # Where an epoch has just begun, as in a ramp, only the finite-time exponent is known.
@@ -157,38 +156,34 @@ def draw_exponents(axes: Axes, digest: Digest) -> None:
         return
     x = _broken(rows, 'impact')
     middle, error = _broken(rows, 'lambda_1'), _broken(rows, 'lambda_1_error')
-    axes.fill_between(x, middle - error, middle + error, color=BLUE, alpha=0.25, linewidth=0)
-    for name, label, colour, width in (
-        ('lambda_1_finite', 'λ1, last 1,000 impacts', GREEN, 1.2),
-        ('lambda_1', 'λ1 ± standard error', BLUE, 1.8),
-        ('lambda_2', 'λ2', PURPLE, 1.4),
+    axes.fill_between(x, middle - error, middle + error, color=looks.hue(0), alpha=0.25,
+                      linewidth=0)
+    for name, label, hue, width in (
+        ('lambda_1_finite', 'λ1, last 1,000 impacts', looks.hue(2), 1.2),
+        ('lambda_1', 'λ1 ± standard error', looks.hue(0), 1.8),
+        ('lambda_2', 'λ2', looks.hue(3), 1.4),
         ('exact_sum', '2 ln r − beta <D>, exact', GREY, 4.0),
-        ('sum', 'λ1 + λ2', ORANGE, 1.4),
+        ('sum', 'λ1 + λ2', looks.hue(1), 1.4),
     ):
         # The finite-time exponent crosses retunes: its line is not broken there.
         line = (rows['impact'], rows[name]) if name == 'lambda_1_finite' else (
             x, _broken(rows, name))
-        axes.plot(*line, color=colour, linewidth=width, label=label)
+        axes.plot(*line, color=hue, linewidth=width, label=label)
     # The legend has a strip of its own below.
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.22), ncols=5, fontsize=9,
                 frameon=False, columnspacing=1.2, handlelength=1.5)
 
 
-def draw_motion(axes: Axes, digest: Digest) -> None:
+def draw_motion(axes: Axes, digest: Digest, looks: Looks) -> None:
     """Draw the motion between the walls over the last drive periods."""
     motion = rebuild(digest.tail, TWO_PI / 200.0, PERIODS)
     for wall in (0.0, -1.0):
-        axes.axhline(wall, color=ORANGE, linewidth=2.0)
-    axes.plot(motion.tau / TWO_PI, motion.displacement, color=BLUE, linewidth=1.2)
+        axes.axhline(wall, color=looks.hue(1), linewidth=2.0)
+    axes.plot(motion.tau / TWO_PI, motion.displacement, color=looks.hue(0), linewidth=1.2)
     axes.set(title=f'Displacement over the last {PERIODS} drive periods, between both walls',
              xlabel="time from the beginning of the last event's drive period [drive periods]",
              ylabel='s [1]', ylim=(-1.08, 0.08))
     axes.margins(x=0.0)
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a picture."""
-    figure.savefig(path, dpi=DPI)
 
 
 def prepare() -> None:
@@ -202,16 +197,9 @@ def _spread(values: FloatArray) -> tuple[float, float]:
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 
-def _colours(points: RowArray, norm: Normalize) -> FloatArray:
-    return np.asarray(colormaps[MAP](MAP_END * norm(points['alpha'])), np.float64)
-
-
-def _colour(alpha: float, norm: Normalize) -> tuple[float, ...]:
-    return tuple(colormaps[MAP](MAP_END * float(norm(alpha))))
-
-
-def _size(count: int) -> float:
-    return min(12.0, max(1.2, 40_000.0 / max(count, 1)))
+def _scatter(axes: Axes, x: str, points: RowArray, colour: Colour) -> None:
+    axes.scatter(points[x], points['velocity'], c=colour(points['alpha']), linewidths=0,
+                 s=min(12.0, max(1.2, 40_000.0 / max(len(points), 1))), rasterized=True)
 
 
 def _broken(rows: RowArray, name: str) -> FloatArray:

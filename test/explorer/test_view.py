@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gear_rattle_ros.cli import basins, exponents, lifetimes
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.view import EXPONENTS, FINE, following, KINDS, NARROWEST, View
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies import basins, exponents, lifetimes
 
-TOOLS = {'basins': basins.main, 'lifetimes': lifetimes.main, 'exponents': exponents.main}
+TOOLS = {'basins': basins, 'lifetimes': lifetimes, 'exponents': exponents}
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -22,7 +22,7 @@ def test_command_computes_the_very_window(
                 (-1.2345678901234567, -1.2345670000000001), (-0.1, 0.30000000000000004), kind)
     words = view.command(str(tmp_path / 'a.zarr'), str(tmp_path / 'a.png'))
     words[words.index('--size') + 1] = '8'
-    assert TOOLS[words[0]](words[1:]) == 0
+    assert TOOLS[words[0]].main(words[1:]) == 0
     dataset = open_dataset(tmp_path / 'a.zarr')
     plane = view.plane(8)
     assert np.array_equal(dataset['phase'].values, plane.phase_values())

@@ -9,11 +9,11 @@ from bag_maker import batches, make_bag, START, states, story, topic
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
 from gear_rattle_ros.bags import BagWriter
-from gear_rattle_ros.messages import nanoseconds_from_stamp
 from gear_rattle_ros.nodes.replay.node import ros_arguments
 from gear_rattle_ros.qos import CLOCK, STREAM_INPUT
 
@@ -36,7 +36,8 @@ class Listener:
         node.create_subscription(
             JointState, 'lyapunov', self.states.append, STREAM_INPUT, raw=True)
         node.create_subscription(
-            Clock, '/clock', lambda clock: self.clock.append(nanoseconds_from_stamp(clock.clock)),
+            Clock, '/clock', lambda clock: self.clock.append(
+                Time.from_msg(clock.clock).nanoseconds),
             QoSProfile(depth=1000, reliability=CLOCK.reliability))
 
     def take(self, data: bytes) -> None:

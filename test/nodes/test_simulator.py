@@ -11,17 +11,14 @@ import pytest
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+import rclpy.time
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
 from gear_rattle_ros.core.stream.guard import StreamGuard
-from gear_rattle_ros.messages import (
-    cloud_from_events,
-    events_from_cloud,
-    nanoseconds_from_stamp,
-)
+from gear_rattle_ros.messages import cloud_from_events, events_from_cloud
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.qos import STREAM_INPUT
 
@@ -46,7 +43,7 @@ class Reader:
     def take(self, cloud):
         """Keep a batch."""
         self.batches.append(events_from_cloud(cloud))
-        self.stamps.append(nanoseconds_from_stamp(cloud.header.stamp))
+        self.stamps.append(rclpy.time.Time.from_msg(cloud.header.stamp).nanoseconds)
 
     def events(self):
         """Return all events so far."""

@@ -1,0 +1,120 @@
+"""Every picture, drawn again from its store as a journal wants it."""
+
+from collections.abc import Callable
+import importlib
+from pathlib import Path
+from xml.etree import ElementTree
+
+from matplotlib import rcParams
+from matplotlib.image import imread
+import numpy as np
+import pytest
+import xarray
+
+from gear_rattle_ros import open_dataset
+from gear_rattle_ros.cli.draw import main
+from gear_rattle_ros.figures.draw import draw, PICTURES, save
+
+SEARCH = '--initial-conditions 40 --hold 1000'
+COMMANDS = {
+    'attractors': SEARCH,
+    'basins': f'--size 12 {SEARCH}',
+    'continuation': '--alpha 0.48 0.5 --columns 3 --trajectories 4 --keep 32 --hold 1000',
+    'exponents': '--size 12 --impacts 5',
+    'lifetimes': f'--size 12 --alpha 1.244 {SEARCH}',
+    'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
+    'section': '--alpha 0.57 --trajectories 4 --skip 50 --keep 50 --bins 200 200',
+}
+TITLE = 'Gears & walls, λ < 0'
+
+
+def law() -> xarray.Dataset:
+    """Return what a search for a crisis finds, in a few numbers."""
+    alphas = 1.2363 + np.array([0.0, 1e-5, 1e-4, 1e-3])
+    rates = np.array([0.0, 1e-4, 2e-4, 6e-4])
+    numbers = {'tangency_alpha': 1.2363, 'tangency_exponent': 0.5, 'law_alpha_c': 1.23629,
+               'law_alpha_c_error': 1e-6, 'law_scale': 0.02, 'law_exponent': 0.5,
+               'law_exponent_error': 0.05, 'paper_alpha': 1.2361}
+    return xarray.Dataset({'escape_rate': ('alpha', rates),
+                           'escape_rate_error': ('alpha', 0.1 * rates)},
+                          coords={'alpha': alphas}, attrs={'tool': 'crisis', **numbers})
+
+
+@pytest.fixture(scope='module')
+def again(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[Path]]:
+    """Return what draws the store of a tool again, with options."""
+    folder = tmp_path_factory.mktemp('stores')
+    for tool, words in COMMANDS.items():
+        command = importlib.import_module(f'gear_rattle_ros.cli.{tool}').main
+        assert command([*words.split(), '--output', str(folder / f'{tool}.zarr')]) == 0
+
+    def redraw(tool: str, name: str, **looks: object) -> list[Path]:
+        before = set(folder.iterdir())
+        if tool == 'crisis':
+            return save(law(), folder / f'{tool}-{name}', **looks)
+        options = [word for key, value in looks.items() for word in (f'--{key}', str(value))]
+        assert main([str(folder / f'{tool}.zarr'), '--picture', str(folder / f'{tool}-{name}'),
+                     *options]) == 0
+        return sorted(set(folder.iterdir()) - before)
+
+    return redraw
+
+
+def test_every_tool_is_among_them() -> None:
+    """A picture that is new here is tested, too."""
+    assert {*COMMANDS, 'crisis'} == set(PICTURES)
+
+
+@pytest.mark.parametrize('tool', PICTURES)
+def test_letters_stay_letters(again: Callable[..., list[Path]], tool: str) -> None:
+    """TrueType in PDF, no font of Type 3; words in SVG, the title among them."""
+    for path in again(tool, 'fonts.pdf', title=TITLE):
+        content = path.read_bytes()
+        assert b'/Type3' not in content and b'/FontFile2' in content
+    for path in again(tool, 'fonts.svg', title=TITLE):
+        texts = ElementTree.parse(path).iter('{http://www.w3.org/2000/svg}text')
+        assert TITLE in [''.join(text.itertext()) for text in texts]
+
+
+@pytest.mark.parametrize('tool', PICTURES)
+def test_resolution_and_colours_are_as_asked(again: Callable[..., list[Path]], tool: str) -> None:
+    """Twice the dots are twice the pixels; the greys of the paper are grey, to a rounding."""
+    for small, large in zip(again(tool, 'small.png', dpi=50),
+                            again(tool, 'large.png', dpi=100, colours='paper'), strict=True):
+        coloured, grey = (imread(path)[..., :3] for path in (small, large))
+        assert np.abs(2 * np.array(coloured.shape[:2]) - grey.shape[:2]).max() <= 2
+        assert np.ptp(coloured, axis=2).max() > 0.2 and np.ptp(grey, axis=2).max() < 0.01
+
+
+def test_a_picture_stands_beside_its_store(again: Callable[..., list[Path]], tmp_path: Path,
+                                           capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a name it has that of the store."""
+    store = again('basins', 'here.png')[0].with_name('basins.zarr')
+    (tmp_path / 'b.zarr').symlink_to(store)
+    capsys.readouterr()
+    assert main([str(tmp_path / 'b.zarr')]) == 0
+    assert capsys.readouterr().out == f'{tmp_path / "b.png"}\n'
+    assert imread(tmp_path / 'b.png').shape[:2] == (960, 1080)
+    for words, named in ((['--colours', 'rainbows'], 'rainbows'), (['--dpi', '1'], '--dpi 1'),
+                         (['--picture', 'a.txt'], 'a.txt')):
+        assert main([str(store), *words]) == 2
+        error = capsys.readouterr().err
+        assert named in error and error.count('\n') == 1
+    assert main([str(tmp_path / 'none.zarr')]) == 2
+    assert capsys.readouterr().err.startswith(f'draw: {tmp_path}/none.zarr')
+
+
+def test_a_figure_in_hand_is_saved_in_the_same_way(again: Callable[..., list[Path]],
+                                                   tmp_path: Path) -> None:
+    """Whatever the caller's settings are, and without a change to them."""
+    store = again('basins', 'hand.png')[0].with_name('basins.zarr')
+    settings = dict(rcParams)
+    draw(open_dataset(store)).savefig(tmp_path / 'a.pdf')
+    assert b'/Type3' not in (tmp_path / 'a.pdf').read_bytes()
+    assert dict(rcParams) == settings
+
+
+def test_a_dataset_without_a_picture_is_refused(tmp_path: Path) -> None:
+    """It names those that have one."""
+    with pytest.raises(ValueError, match='no picture; there are attractors, basins'):
+        save(xarray.Dataset(attrs={'tool': 'verify'}), tmp_path / 'a.png')
