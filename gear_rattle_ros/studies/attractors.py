@@ -10,7 +10,7 @@ from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.listing import listed
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
-from ..core.model import Parameters
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 from ..store.layout import Layout
 from ..store.store import Store
 
@@ -116,3 +116,11 @@ def require_tolerance(tolerance: float) -> None:
     """Refuse a tolerance outside 1e-7 to 0.1 with a ValueError."""
     if not 1e-7 <= tolerance <= 0.1:
         raise ValueError(f'tolerance = {tolerance:g} is not between 1e-7 and 0.1')
+
+
+def require_window(alphas: tuple[float, float]) -> None:
+    """Refuse a window of alpha that is out of range, empty or reversed with a ValueError."""
+    low, high = (require_finite('alpha', alpha, 0.0, ALPHA_MAXIMUM) for alpha in alphas)
+    if not low < high:
+        raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the lower '
+                         'end first')

@@ -12,6 +12,7 @@ from typing import Any, Final, TYPE_CHECKING, Unpack
 
 import numpy as np
 
+from .attractors import require_window
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
 from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
@@ -66,6 +67,7 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
 
     """
     work, plane = Work(**options), plane or Plane(displacement=-0.5)
+    require_window(alphas)
     low, high = alphas
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')

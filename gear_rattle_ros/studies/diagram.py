@@ -7,12 +7,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from .attractors import require_window
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, Window
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
+from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
 
 # Attractors kept apart at one alpha; what is beyond is counted with the last of them.
@@ -50,10 +51,7 @@ class Diagram:
 
     def __post_init__(self) -> None:
         """Validate."""
-        low, high = (require_finite('alpha', a, 0.0, ALPHA_MAXIMUM) for a in self.alphas)
-        if not low < high:
-            raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the '
-                             'lower end first')
+        require_window(self.alphas)
         if not 2 <= self.columns <= 100_000:
             raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
