@@ -2,9 +2,9 @@
 
 import dataclasses
 import json
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Catalogue, table_of
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.listing import listed
@@ -14,9 +14,6 @@ from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 from ..store.layout import Layout
 from ..store.store import Store
 
-if TYPE_CHECKING:
-    import xarray
-
 NAME: Final = 'attractors'
 TITLE: Final = 'Attractors of the gear-rattling model'
 
@@ -24,7 +21,7 @@ TITLE: Final = 'Attractors of the gear-rattling model'
 def attractors(parameters: Parameters, plane: Plane | None = None, *,
                tolerance: float = TOLERANCE, hold: int = HOLD,
                initial_conditions: int = INITIAL_CONDITIONS, seed: int = SEED,
-               **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+               **options: Unpack[WorkOptions]) -> Dataset:
     """
     Find every attractor that random initial conditions reach, as a dataset.
 
@@ -63,7 +60,7 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset', cells: dict[int, int] | None = None, beside: str = ''
+def describe(dataset: Dataset, cells: dict[int, int] | None = None, beside: str = ''
              ) -> str:
     """
     Put the attractors of a dataset in words, with the cells of a grid by label.
@@ -77,13 +74,13 @@ def describe(dataset: 'xarray.Dataset', cells: dict[int, int] | None = None, bes
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
 
-def parameters_of(dataset: 'xarray.Dataset') -> Parameters:
+def parameters_of(dataset: Dataset) -> Parameters:
     """Read the model of a dataset."""
     return Parameters(**{field.name: dataset.attrs[field.name]
                          for field in dataclasses.fields(Parameters)})
 
 
-def plane_of(dataset: 'xarray.Dataset') -> Plane:
+def plane_of(dataset: Dataset) -> Plane:
     """Read the plane of initial conditions of a dataset."""
     a = dataset.attrs
     return Plane(a['displacement'], tuple(a['phase_window']), tuple(a['velocity_window']),

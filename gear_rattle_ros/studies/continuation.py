@@ -1,21 +1,18 @@
 """Attractors and their shares followed across alpha; where each is born, doubles and ends."""
 
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
 from .bifurcations import Event, events_of, HEADING, searches_of
 from .diagram import Diagram
 from .orbit_diagram import compute
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.columns import Window
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, SEED
 from ..core.model import Parameters
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'continuation'
 # Of the velocities by which attractors are matched from alpha to alpha.
@@ -25,7 +22,7 @@ BINS: Final = 1200
 def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
                  plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
                  keep: int = 512, hold: int = HOLD, tolerance: float = 1e-7, seed: int = SEED,
-                 **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+                 **options: Unpack[WorkOptions]) -> Dataset:
     """
     Follow attractors and their shares across alpha; locate where they are born, double and end.
 
@@ -68,7 +65,7 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """List the events of a dataset."""
     return str(dataset.attrs['events'])
 

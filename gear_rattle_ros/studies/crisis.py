@@ -8,7 +8,7 @@ exponent of the lifetimes.
 
 import dataclasses
 import math
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
@@ -16,15 +16,12 @@ from .attractors import require_window
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
 from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.plane import Plane
 from ..core.defaults import SEED
 from ..core.model import Parameters
 from ..core.words import counted, in_columns
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058
@@ -36,7 +33,7 @@ BEFORE: Final = 100_000
 def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
            plane: Plane | None = None, *, beyond: tuple[float, float] = (4e-6, 4e-4),
            rates: int = 20, escapes: int = 80, skip: int = 300, limit: int = 50_000_000,
-           seed: int = SEED, **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+           seed: int = SEED, **options: Unpack[WorkOptions]) -> Dataset:
     """
     Locate a boundary crisis, by the tangency of manifolds and by escape rates.
 
@@ -122,7 +119,7 @@ def write_law(store: Store) -> None:
                           'exponent_at_tangency_error': exponent_error, 'paper_alpha': PAPER})
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put a crisis in words."""
     a: dict[str, Any] = dataset.attrs
     law = LifetimeLaw(**{field.name: a[f'law_{field.name}']

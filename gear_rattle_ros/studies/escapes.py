@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from .tangency import Tangency
 from .work import Work
-from ..attractors.engine import run_tiles
 from ..attractors.finding import find_attractors
 from ..attractors.plane import make_initial_conditions, Plane
 from ..core.arrays import FloatArray
@@ -142,14 +141,6 @@ def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
     distances = np.abs(np.array(escapes.alphas) - tangency.alpha)
     weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)
-    pending = store.pending()
-    with work.report('crisis', int(weights.sum())) as progress:
-        progress.skip(int(weights.sum() - weights[pending].sum()))
-
-        def finished(tile: int, impacts: int) -> None:
-            store.mark(tile)
-            progress.add(int(weights[tile]), impacts)
-
-        run_tiles(functools.partial(time_escapes, escapes, store.path), pending, finished,
-                  cluster=work.cluster, threads=work.threads)
+    with work.pending('crisis', store, lambda tile: int(weights[tile])) as (tiles, finished):
+        work.run(functools.partial(time_escapes, escapes, store.path), tiles, finished)
     return store

@@ -1,11 +1,11 @@
 """How fast neighbouring trajectories of every initial condition diverge or converge."""
 
-from typing import Final, TYPE_CHECKING, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
 from .attractors import identity_of
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
@@ -17,9 +17,6 @@ from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.layout import Axis, Layout, Variable
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'exponents'
 # Cells along the edge of a tile.
@@ -47,7 +44,7 @@ def finite_time_exponents(starts: StartArray, count: int, threads: int | None = 
 
 def exponents(parameters: Parameters, plane: Plane | None = None, *,
               impacts: int = EXPONENT_IMPACTS, **options: Unpack[WorkOptions]
-              ) -> 'xarray.Dataset':
+              ) -> Dataset:
     """
     Find how fast neighbouring trajectories of every cell of a plane diverge or converge.
 
@@ -83,21 +80,18 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
         identity_of(NAME, parameters, plane, impacts=impacts,
                     size=[plane.phases, plane.velocities]),
         {'title': 'Finite-time exponents of the gear-rattling model'}))
-    pending = store.pending()
-    with work.report(NAME, len(store.tiles)) as progress:
-        progress.skip(len(store.tiles) - len(pending))
-        for tile in pending:
+    with work.pending(NAME, store, lambda tile: 1) as (tiles, finished):
+        for tile in tiles:
             part = store.tiles[tile]
             cells = plane.cells(parameters, part['velocity'], part['phase'])
             values = finite_time_exponents(cells, impacts, work.threads)
             store.write(tile, {'exponent': values.reshape(
                 tuple(each.stop - each.start for each in part.values()))})
-            store.mark(tile)
-            progress.add(1, impacts * len(cells))
+            finished(tile, impacts * len(cells))
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put finite-time exponents in words."""
     values = dataset['exponent'].values
     finite = values[np.isfinite(values)]

@@ -1,6 +1,5 @@
 """Grids of labels and lifetimes, tile by tile: what basins and lifetimes share."""
 
-from collections.abc import Callable
 import dataclasses
 import functools
 import json
@@ -12,7 +11,6 @@ import numpy as np
 
 from .work import Work
 from ..attractors.catalogue import Catalogue
-from ..attractors.engine import run_tiles
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
 from ..core.flight.lanes import EMPTY
@@ -42,14 +40,6 @@ class Job:
     catalogue: Catalogue
 
 
-@dataclasses.dataclass(frozen=True)
-class Done:
-    """What is told of a tile: impacts made, and stable orbits that the catalogue did not know."""
-
-    impacts: int
-    orbits: tuple[Orbit, ...]
-
-
 def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
                 tile: int | None = None) -> Layout:
     """Lay out a grid of labels and lifetimes; the result does not depend on the `tile`."""
@@ -74,12 +64,15 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
         identity, {'title': title})
 
 
-def fill_tile(job: Job, tile: int) -> Done:
-    """Compute and store a tile; what is unsettled once more, where late orbits are known."""
+def fill_tile(job: Job, tile: int) -> tuple[int, tuple[Orbit, ...]]:
+    """
+    Compute and store a tile; what is unsettled once more, where late orbits are known.
+
+    Returns the impacts made, and stable orbits that the catalogue did not know.
+    """
     store, known = Store(job.path), job.catalogue
     part = store.tiles[tile]
-    shape = (part['velocity'].stop - part['velocity'].start,
-             part['phase'].stop - part['phase'].start)
+    shape = _shape(store, tile)
     level = Level(job.plane.cells(known.parameters, part['velocity'], part['phase']), shape,
                   job.cap, slice_impacts=math.inf)
     # As it stays where areas are kept.
@@ -89,13 +82,13 @@ def fill_tile(job: Job, tile: int) -> Done:
         grids = {name: store.read(tile, name) for name in GRIDS}
         level.left = level.due = np.flatnonzero(grids['label'] == UNSETTLED)
         if not len(level.left):
-            return Done(0, ())
+            return 0, ()
     followed, found = level.follow(job.cap, known.table, threads=1)
     for name, grid in grids.items():
         np.put(grid, followed, found[name])
     store.write(tile, grids)
     orbits = () if known.late else late_orbits(known, level, len(level.states)).late
-    return Done(level.impacts, orbits)
+    return level.impacts, orbits
 
 
 def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, work: Work, name: str
@@ -104,37 +97,35 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
     known = catalogue.with_orbits(tuple(_orbits_from(
         store.attributes.get(LATE, '[]'), catalogue.parameters)))
     job = Job(store.path, plane, cap, catalogue)
-    pending = store.pending()
-    progress = work.report(name, plane.phases * plane.velocities)
-    progress.skip(sum(_size(store, tile) for tile in range(len(store.tiles)))
-                  - sum(_size(store, tile) for tile in pending))
 
-    def finished(tile: int, done: Done) -> None:
-        nonlocal known
-        more = known.with_orbits(done.orbits)
-        if more is not known:
-            known = more
-            store.set_attributes({LATE: _text_of(known.late)})
-        store.mark(tile)
-        progress.add(_size(store, tile), done.impacts)
+    def cells(tile: int) -> int:
+        return math.prod(_shape(store, tile))
 
-    def do(tiles: list[int], then: Callable[[int, Done], None]) -> None:
-        run_tiles(functools.partial(fill_tile, job), tiles, then, cluster=work.cluster,
-                  threads=work.threads)
+    with work.pending(name, store, cells) as (pending, finished):
+        def filled(tile: int, done: tuple[int, tuple[Orbit, ...]]) -> None:
+            nonlocal known
+            impacts, orbits = done
+            more = known.with_orbits(orbits)
+            if more is not known:
+                known = more
+                store.set_attributes({LATE: _text_of(known.late)})
+            finished(tile, impacts)
 
-    with progress:
-        do(pending, finished)
+        work.run(functools.partial(fill_tile, job), pending, filled)
         if known.late:
             # In the order of their keys: tiles end in any order.
             known = dataclasses.replace(known, late=tuple(
                 sorted(known.late, key=lambda orbit: orbit.key)))
             job = dataclasses.replace(job, catalogue=known)
-            do(list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
+            work.run(functools.partial(fill_tile, job), list(range(len(store.tiles))),
+                     lambda tile, done: store.mark(tile))
     return known
 
 
-def _size(store: Store, tile: int) -> int:
-    return int(np.prod([part.stop - part.start for part in store.tiles[tile].values()]))
+def _shape(store: Store, tile: int) -> tuple[int, int]:
+    part = store.tiles[tile]
+    return (part['velocity'].stop - part['velocity'].start,
+            part['phase'].stop - part['phase'].start)
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:

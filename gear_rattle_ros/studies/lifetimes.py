@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 import dataclasses
 import math
-from typing import Any, Final, TYPE_CHECKING, TypeAlias, Unpack
+from typing import Any, Final, TypeAlias, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from .attractors import describe as describe_attractors
 from .basins import compute_basins, Settings
 from .grid import GRIDS
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import follow_here
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
@@ -27,9 +27,6 @@ from ..core.many.settling import RecordArray, RESULT, Table, UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'lifetimes'
 TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
@@ -168,7 +165,7 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
               tail: int | None = None, tolerance: float = TOLERANCE,
               initial_conditions: int = LIFETIMES_INITIAL_CONDITIONS, seed: int = SEED,
               hold: int = LIFETIMES_HOLD, tile: int | None = None,
-              **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+              **options: Unpack[WorkOptions]) -> Dataset:
     """
     Find how long every cell of a plane is transient; only an orbit or rest ends a transient.
 
@@ -215,7 +212,7 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     return store.dataset()
 
 
-def escape_of(dataset: 'xarray.Dataset') -> Escape:
+def escape_of(dataset: Dataset) -> Escape:
     """Read the estimate of a dataset."""
     values: dict[str, Any] = {field.name: dataset.attrs[f'escape_{field.name}']
                               for field in dataclasses.fields(Escape)}
@@ -224,7 +221,7 @@ def escape_of(dataset: 'xarray.Dataset') -> Escape:
     return Escape(**values)
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put lifetimes in words: the attractors, and how transients end."""
     return describe_attractors(dataset, beside=escape_of(dataset).describe())
 

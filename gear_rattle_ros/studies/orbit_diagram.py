@@ -2,18 +2,18 @@
 
 import dataclasses
 import functools
+import itertools
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from .diagram import describe as laid_out, Diagram, KINDS, layout_of, STATE, SWEEPS
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
-from ..attractors.engine import run_tiles
 from ..attractors.plane import Plane
 from ..attractors.tracks import track
 from ..core.defaults import SEED
@@ -24,9 +24,6 @@ from ..core.orbits.orbit import Orbit
 from ..core.words import counted, in_columns
 from ..store.store import Store
 
-if TYPE_CHECKING:
-    import xarray
-
 NAME = 'orbit_diagram'
 
 
@@ -35,7 +32,7 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
                   keep: int = 2048, hold: int = Window.hold, bins: int = 900,
                   bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
                   sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]
-                  ) -> 'xarray.Dataset':
+                  ) -> Dataset:
     """
     Count impact velocities against alpha, attractor by attractor, with the largest exponent.
 
@@ -78,26 +75,19 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
     """Compute a diagram into a store."""
     store = work.open(layout_of(diagram))
-    pending = store.pending()
     fill = functools.partial(fill_tile, diagram, store.path)
-    settings: dict[str, Any] = {'cluster': work.cluster, 'threads': work.threads}
 
-    with work.report(name, diagram.columns * len(diagram.sweeps)) as progress:
-        progress.skip(sum(_width(store, tile) for tile in range(len(store.tiles)))
-                      - sum(_width(store, tile) for tile in pending))
+    def columns(tile: int) -> int:
+        region = store.tiles[tile]['alpha']
+        return int(region.stop - region.start)
 
-        def finished(tile: int, impacts: int) -> None:
-            store.mark(tile)
-            progress.add(_width(store, tile), impacts)
-
-        run_tiles(fill, [t for t in pending if _sweep(diagram, store, t) == 'starts'], finished,
-                  **settings)
+    with work.pending(name, store, columns) as (pending, finished):
+        starts, up, down = ([t for t in pending if _sweep(diagram, store, t) == sweep]
+                            for sweep in SWEEPS)
+        work.run(fill, starts, finished)
         # A tile that is followed begins where its neighbour ends: one of each sweep at a time.
-        queues = [[t for t in pending if _sweep(diagram, store, t) == sweep]
-                  for sweep in ('up', 'down')]
-        queues[1].reverse()
-        while any(queues):
-            run_tiles(fill, [queue.pop(0) for queue in queues if queue], finished, **settings)
+        for tiles in itertools.zip_longest(up, reversed(down)):
+            work.run(fill, [tile for tile in tiles if tile is not None], finished)
     write_attractors(store)
     return store
 
@@ -139,7 +129,7 @@ def write_attractors(store: Store) -> None:
             'long_name': 'number of the attractor, matched from alpha to alpha; -1 none'})})
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """List the attractors of a diagram, numbered as in the dataset and in the picture."""
     numbers, alphas, keys = (dataset[name].values for name in ('attractor', 'alpha', 'key'))
     rows = []
@@ -184,8 +174,3 @@ def _at(states: npt.NDArray[np.void], diagram: Diagram, column: int) -> npt.NDAr
 
 def _sweep(diagram: Diagram, store: Store, tile: int) -> str:
     return diagram.sweeps[store.tiles[tile]['sweep'].start]
-
-
-def _width(store: Store, tile: int) -> int:
-    region = store.tiles[tile]['alpha']
-    return int(region.stop - region.start)

@@ -2,11 +2,11 @@
 
 import dataclasses
 import math
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
@@ -14,9 +14,6 @@ from ..core.defaults import SEED
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'section'
 # Trajectories followed at once.
@@ -28,7 +25,7 @@ TABLES: Final = ('orbit_phase', 'orbit_velocity')
 def section(parameters: Parameters, plane: Plane | None = None, *, trajectories: int = 64,
             skip: int = 1000, keep: int = 20_000, bins: tuple[int, int] = (720, 540),
             bin_window: tuple[float, float] = (-2.0, 2.0), seed: int = SEED,
-            **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+            **options: Unpack[WorkOptions]) -> Dataset:
     """
     Count impacts on the section.
 
@@ -105,7 +102,7 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """List the attractors that were reached."""
     return str(dataset.attrs['attractors'])
 

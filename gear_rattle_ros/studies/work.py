@@ -1,14 +1,24 @@
 """How a study runs and where its dataset is kept: the keywords that every study takes."""
 
+from collections.abc import Callable, Iterator
+import contextlib
 import dataclasses
 from pathlib import Path
 import sys
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, TypeVar
 
 from .progress import Progress
+from ..attractors.engine import run_tiles
 from ..store.layout import Layout
 from ..store.making import make_store
 from ..store.store import Store
+
+if TYPE_CHECKING:
+    import xarray
+
+# Its import takes long.
+Dataset: TypeAlias = 'xarray.Dataset'
+Result = TypeVar('Result')
 
 
 class WorkOptions(TypedDict, total=False):
@@ -60,3 +70,27 @@ class Work:
         """Begin to report progress; `total` counts initial conditions or the like."""
         reports = sys.stderr.isatty() if self.progress is None else self.progress
         return Progress(name, total, sys.stderr, quiet=not reports)
+
+    def run(self, fill: Callable[[int], Result], tiles: list[int],
+            finished: Callable[[int, Result], None]) -> None:
+        """Fill tiles on the threads or the cluster, as `run_tiles` does."""
+        run_tiles(fill, tiles, finished, cluster=self.cluster, threads=self.threads)
+
+    @contextlib.contextmanager
+    def pending(self, name: str, store: Store, size: Callable[[int], int]
+                ) -> Iterator[tuple[list[int], Callable[[int, int], None]]]:
+        """
+        Report the progress of a store; give its pending tiles, and what marks one as done.
+
+        The latter takes the tile and its impacts; `size` is what a tile counts for.
+        """
+        pending = store.pending()
+        total = sum(map(size, range(len(store.tiles))))
+        with self.report(name, total) as progress:
+            progress.skip(total - sum(map(size, pending)))
+
+            def finished(tile: int, impacts: int) -> None:
+                store.mark(tile)
+                progress.add(size(tile), impacts)
+
+            yield pending, finished
