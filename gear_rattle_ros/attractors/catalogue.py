@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
-from .listing import listed
+from .listing import listed, named
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -279,59 +279,47 @@ class Catalogue:
 
 def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
     """Lay attractors out as the arrays of a dataset: dimensions, values, attributes by name."""
-    one = ('attractor',)
-    table: TableOfArrays = {}
-    for name, words in (
-        ('key', 'name of the attractor'),
-        ('kind', 'periodic, chaotic, resting, floating or unsettled'),
-        ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
-        ('drive_periods', 'drive periods of a period'),
-        ('pieces', 'parts visited in turn on one wall'),
-        ('exact_sum', 'exact sum of the exponents'),
-        ('settled', 'random initial conditions settled on it'),
-        ('share', 'share of the random initial conditions'),
-        ('share_error', 'standard error of the share'),
-    ):
-        column = [getattr(each, name) for each in attractors]
-        table[f'attractor_{name}'] = (
-            one, np.array([value.value if isinstance(value, Kind) else value for value in column]),
-            {'long_name': words, 'units': '' if name in ('key', 'kind') else '1'})
-    multipliers = np.array([each.multipliers for each in attractors]).reshape(-1, 2)
-    pair = ('attractor', 'pair')
-    for name, values, words in (
-        ('multiplier_real', multipliers.real, 'multipliers of a period, real part'),
-        ('multiplier_imaginary', multipliers.imag, 'multipliers of a period, imaginary part'),
-        ('exponent', np.array([each.exponents for each in attractors]).reshape(-1, 2),
-         'Lyapunov exponents per impact'),
-        ('exponent_error', np.array([each.errors for each in attractors]).reshape(-1, 2),
-         'standard errors of the exponents'),
-    ):
-        table[f'attractor_{name}'] = (pair, values, {'long_name': words, 'units': '1'})
-    orbits = [each for each in attractors if each.orbit]
-    points = np.concatenate([np.zeros((0, 4)), *(np.column_stack(
-        [each.points(), each.orbit.flight_times]) for each in orbits if each.orbit)])
-    owners = [each.label for each in orbits for _ in range(each.impacts)]
-    for index, (name, words, units) in enumerate((
-        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the impact', 'rad'),
-        ('velocity', 'velocity before the impact', '1'),
-        ('flight_time', 'time since the impact before', '1'),
-    )):
-        table[f'point_{name}'] = (('point',), points[:, index],
-                                  {'long_name': words, 'units': units})
-    table['point_label'] = (('point',), np.array(owners, np.int64),
-                            {'long_name': 'attractor of the point', 'units': '1'})
-    boxes = [(each, each.points()) for each in attractors if each.chaos]
-    centres = np.concatenate([np.zeros((0, 3)), *(points for _, points in boxes)])
-    for index, (name, words, units) in enumerate((
-        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the centre', 'rad'),
-        ('velocity', 'velocity before the impact, of the centre', '1'),
-    )):
-        table[f'box_{name}'] = (('box',), centres[:, index], {'long_name': words, 'units': units})
-    table['box_label'] = (('box',), np.repeat(
-        np.array([each.label for each, _ in boxes], np.int64),
-        [len(points) for _, points in boxes]), {
-            'long_name': 'chaotic attractor that visits the box', 'units': '1'})
-    return table
+    multipliers, exponents, errors = (
+        np.array([getattr(each, name) for each in attractors]).reshape(-1, 2)
+        for name in ('multipliers', 'exponents', 'errors'))
+    points = [(each.label, np.column_stack([each.points(), each.orbit.flight_times]))
+              for each in attractors if each.orbit]
+    boxes = [(each.label, each.points()) for each in attractors if each.chaos]
+    owners, boxes_of = (np.repeat(np.array([label for label, _ in found], np.int64),
+                                  [len(rows) for _, rows in found]) for found in (points, boxes))
+    point, box = (np.concatenate([np.zeros((0, width)), *(rows for _, rows in found)]).T
+                  for found, width in ((points, 4), (boxes, 3)))
+    return {name: (tuple(dimensions.split()), values, named(words, units))
+            for dimensions, name, values, words, units in (
+        *(('attractor', f'attractor_{name}',
+           np.array([getattr(each, name) for each in attractors]), words, '1') for name, words in (
+            ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
+            ('drive_periods', 'drive periods of a period'),
+            ('pieces', 'parts visited in turn on one wall'),
+            ('exact_sum', 'exact sum of the exponents'),
+            ('settled', 'random initial conditions settled on it'),
+            ('share', 'share of the random initial conditions'),
+            ('share_error', 'standard error of the share'))),
+        ('attractor', 'attractor_key', np.array([each.key for each in attractors]),
+         'name of the attractor', ''),
+        ('attractor', 'attractor_kind', np.array([each.kind.value for each in attractors]),
+         'periodic, chaotic, resting, floating or unsettled', ''),
+        ('attractor pair', 'attractor_multiplier_real', multipliers.real,
+         'multipliers of a period, real part', '1'),
+        ('attractor pair', 'attractor_multiplier_imaginary', multipliers.imag,
+         'multipliers of a period, imaginary part', '1'),
+        ('attractor pair', 'attractor_exponent', exponents, 'Lyapunov exponents per impact', '1'),
+        ('attractor pair', 'attractor_exponent_error', errors,
+         'standard errors of the exponents', '1'),
+        ('point', 'point_wall', point[0], 'wall: 0 upper, 1 lower', '1'),
+        ('point', 'point_phase', point[1], 'drive phase of the impact', 'rad'),
+        ('point', 'point_velocity', point[2], 'velocity before the impact', '1'),
+        ('point', 'point_flight_time', point[3], 'time since the impact before', '1'),
+        ('point', 'point_label', owners, 'attractor of the point', '1'),
+        ('box', 'box_wall', box[0], 'wall: 0 upper, 1 lower', '1'),
+        ('box', 'box_phase', box[1], 'drive phase of the centre', 'rad'),
+        ('box', 'box_velocity', box[2], 'velocity before the impact, of the centre', '1'),
+        ('box', 'box_label', boxes_of, 'chaotic attractor that visits the box', '1'))}
 
 
 def go_on() -> None:

@@ -1,6 +1,6 @@
 """Attractors and their shares followed across alpha; where each is born, doubles and ends."""
 
-from typing import Any, Final, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from .diagram import Diagram
 from .orbit_diagram import compute
 from .work import Dataset, Work, WorkOptions
 from ..attractors.columns import Window
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, SEED
 from ..core.model import Parameters
@@ -72,26 +73,19 @@ def describe(dataset: Dataset) -> str:
 
 def write_events(store: Store, events: list[Event]) -> None:
     """Write events as a table."""
-    one = {'units': '1'}
-    columns: dict[str, tuple[Any, dict[str, str]]] = {
-        'event_attractor': (np.array([e.attractor for e in events], np.int32), {
-            'long_name': 'number of the attractor'}),
-        'event_kind': (np.array([e.what for e in events], 'U15'), {
-            'long_name': 'what happens'}),
-        'event_orbit': (np.array([e.key for e in events], 'U48'), {
-            'long_name': 'what changes, or on what trajectories then settle'}),
-        'event_alpha': (np.array([e.alpha for e in events]), {'long_name': 'where', **one}),
-        'event_tolerance': (np.array([e.tolerance for e in events]), {
-            'long_name': 'how well it is located', **one}),
-        'event_period_impacts': (np.array([e.orbit.impacts if e.orbit else 0 for e in events],
-                                          np.int32), {
-            'long_name': 'period of the orbit', 'units': 'impacts'}),
-        'event_period_drive': (np.array([e.orbit.drive_periods if e.orbit else 0 for e in events],
-                                        np.int32), {
-            'long_name': 'period of the orbit', 'units': 'drive periods'}),
-        'event_multiplier': (np.array([e.multiplier for e in events]), {
-            'long_name': 'critical multiplier, real part', **one})}
-    store.write_table({name: (('event',), values, attributes)
-                       for name, (values, attributes) in columns.items()})
+    store.write_table({f'event_{name}': (('event',), np.array(values, dtype), named(*words))
+                       for name, values, dtype, words in (
+        ('attractor', [e.attractor for e in events], 'i4', ('number of the attractor', None)),
+        ('kind', [e.what for e in events], 'U15', ('what happens', None)),
+        ('orbit', [e.key for e in events], 'U48',
+         ('what changes, or on what trajectories then settle', None)),
+        ('alpha', [e.alpha for e in events], 'f8', ('where',)),
+        ('tolerance', [e.tolerance for e in events], 'f8', ('how well it is located',)),
+        ('period_impacts', [e.orbit.impacts if e.orbit else 0 for e in events], 'i4',
+         ('period of the orbit', 'impacts')),
+        ('period_drive', [e.orbit.drive_periods if e.orbit else 0 for e in events], 'i4',
+         ('period of the orbit', 'drive periods')),
+        ('multiplier', [e.multiplier for e in events], 'f8',
+         ('critical multiplier, real part',)))})
     store.set_attributes({'tool': NAME, 'events': '\n'.join(
         [HEADING, *(event.describe() for event in events)])})

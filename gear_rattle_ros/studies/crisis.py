@@ -17,6 +17,7 @@ from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
 from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
 from .work import Dataset, Work, WorkOptions
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.defaults import SEED
 from ..core.model import Parameters
@@ -103,16 +104,12 @@ def write_law(store: Store) -> None:
             [rates[k].rate / math.sqrt(rates[k].escapes) for k in some])
     law = fit_law(*data)
     exponent, exponent_error = fit_exponent(*data, store.attributes['tangency_alpha'])
-    per_impact = {'units': '1/impact'}
-    store.write_table({
-        'escape_rate': (('alpha',), np.array([rate.rate for rate in rates]), {
-            'long_name': 'escape rate, from escapes over impacts at risk', **per_impact}),
-        'escape_rate_error': (('alpha',), np.array([rate.error for rate in rates]), {
-            'long_name': 'its standard error', **per_impact}),
-        'escapes': (('alpha',), np.array([rate.escapes for rate in rates]), {
-            'long_name': 'trajectories that escaped', 'units': '1'}),
-        'at_risk': (('alpha',), np.array([rate.at_risk for rate in rates]), {
-            'long_name': 'impacts at risk', 'units': 'impacts'})})
+    store.write_table({name: (('alpha',), np.array([getattr(rate, field) for rate in rates]),
+                              named(words, units)) for name, field, words, units in (
+        ('escape_rate', 'rate', 'escape rate, from escapes over impacts at risk', '1/impact'),
+        ('escape_rate_error', 'error', 'its standard error', '1/impact'),
+        ('escapes', 'escapes', 'trajectories that escaped', '1'),
+        ('at_risk', 'at_risk', 'impacts at risk', 'impacts'))})
     store.set_attributes({f'law_{name}': float(value)
                           for name, value in dataclasses.asdict(law).items()})
     store.set_attributes({'exponent_at_tangency': exponent,

@@ -8,9 +8,11 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from .attractors import identity_of
 from .tangency import Tangency
 from .work import Work
 from ..attractors.finding import find_attractors
+from ..attractors.listing import named
 from ..attractors.plane import make_initial_conditions, Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
@@ -73,34 +75,30 @@ class Escapes:
 
 def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
     """Return the layout of the store: a tile for each part of each alpha."""
-    p = escapes.parameters
+    plane, of_each = escapes.plane, ('alpha', 'part', 'trajectory')
+    identity = identity_of(
+        'crisis', escapes.parameters, plane, alphas=list(escapes.alphas),
+        escapes_wanted=escapes.wanted, seed=escapes.seed,
+        initial_velocity_window=list(plane.velocity), impacts_skipped=escapes.skip,
+        impacts_limit=escapes.limit, impacts_limit_before=escapes.limit_before,
+        capture_radius=escapes.radius)
+    del identity['alpha'], identity['velocity_window']
+    saddle = tangency.saddle
     return Layout(
-        (Axis('alpha', np.array(escapes.alphas), {
-            'long_name': 'amplitude of the drive', 'units': '1'}, 1),
-         Axis('part', np.arange(PARTS), {'long_name': 'independent part'}, 1),
-         Axis('trajectory', np.arange(escapes.trajectories), {
-             'long_name': 'number of the initial condition'})),
-        (Variable('lifetime', ('alpha', 'part', 'trajectory'), '<i8', {
-            'long_name': 'impacts before the capture, or before it was given up',
-            'units': 'impacts'}),
-         Variable('fate', ('alpha', 'part', 'trajectory'), '|i1', {
-             'long_name': '1 captured, 0 given up, 2 settled on another stable orbit, -1 came '
-             'to rest, -2 not begun'})),
-        {'tool': 'crisis', 'beta': p.beta, 'gamma': p.gamma, 'restitution': p.restitution,
-         'alphas': list(escapes.alphas), 'escapes_wanted': escapes.wanted,
-         'seed': escapes.seed, 'displacement': escapes.plane.displacement,
-         'phase_window': list(escapes.plane.phase),
-         'initial_velocity_window': list(escapes.plane.velocity),
-         'impacts_skipped': escapes.skip, 'impacts_limit': escapes.limit,
-         'impacts_limit_before': escapes.limit_before,
-         'capture_radius': escapes.radius},
+        (Axis('alpha', np.array(escapes.alphas), named('amplitude of the drive'), 1),
+         Axis('part', np.arange(PARTS), named('independent part', None), 1),
+         Axis('trajectory', np.arange(escapes.trajectories),
+              named('number of the initial condition', None))),
+        (Variable('lifetime', of_each, '<i8', named(
+            'impacts before the capture, or before it was given up', 'impacts')),
+         Variable('fate', of_each, '|i1', named(
+             '1 captured, 0 given up, 2 settled on another stable orbit, -1 came to rest, -2 not '
+             'begun', None))),
+        identity,
         {'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
-         'tangency_exponent': tangency.saddle.lifetime_exponent,
-         'saddle_expansion': tangency.saddle.expansion,
-         'saddle_contraction': tangency.saddle.contraction,
-         'saddle_impacts': tangency.saddle.orbit.impacts,
-         'saddle_drive_periods': tangency.saddle.orbit.drive_periods,
-         'fold_alpha': tangency.fold})
+         'tangency_exponent': saddle.lifetime_exponent, 'saddle_expansion': saddle.expansion,
+         'saddle_contraction': saddle.contraction, 'saddle_impacts': saddle.orbit.impacts,
+         'saddle_drive_periods': saddle.orbit.drive_periods, 'fold_alpha': tangency.fold})
 
 
 def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:

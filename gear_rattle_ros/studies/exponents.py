@@ -5,10 +5,12 @@ from typing import Final, Unpack
 import numpy as np
 
 from .attractors import identity_of
+from .grid import axes_of
 from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
+from ..attractors.listing import named
 from ..attractors.plane import Plane, StartArray
 from ..core.arrays import FloatArray
 from ..core.defaults import EXPONENT_IMPACTS
@@ -16,7 +18,7 @@ from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
 from ..core.words import counted
-from ..store.layout import Axis, Layout, Variable
+from ..store.layout import Layout, Variable
 
 NAME: Final = 'exponents'
 # Cells along the edge of a tile.
@@ -69,14 +71,10 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
     if work.cluster:
         raise ValueError('--cluster: exponents run on the threads of this machine only')
     store = work.open(Layout(
-        (Axis('velocity', plane.velocity_values(),
-              {'long_name': 'initial velocity', 'units': '1'}, EDGE),
-         Axis('phase', plane.phase_values(),
-              {'long_name': 'initial drive phase', 'units': 'rad'}, EDGE)),
-        (Variable('exponent', ('velocity', 'phase'), '<f8', {
-            'long_name': 'largest finite-time exponent per impact over '
-                         f'{counted(impacts, "impact")}; -inf where the driven gear sticks, '
-                         'nan where it floats', 'units': '1'}),),
+        axes_of(plane, EDGE),
+        (Variable('exponent', ('velocity', 'phase'), '<f8', named(
+            f'largest finite-time exponent per impact over {counted(impacts, "impact")}; -inf '
+            'where the driven gear sticks, nan where it floats')),),
         identity_of(NAME, parameters, plane, impacts=impacts,
                     size=[plane.phases, plane.velocities]),
         {'title': 'Finite-time exponents of the gear-rattling model'}))

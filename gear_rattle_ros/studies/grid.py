@@ -11,6 +11,7 @@ import numpy as np
 
 from .work import Work
 from ..attractors.catalogue import Catalogue
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
 from ..core.flight.lanes import EMPTY
@@ -20,8 +21,6 @@ from ..core.orbits.orbit import Orbit
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
-LABELS: Final = '<i2'
-LIFETIMES: Final = '<i4'
 GRIDS: Final = ('label', 'lifetime', 'stick', 'release')
 LATE: Final = 'late_orbits'
 # Tiles: as many along an edge, within these lengths.
@@ -44,24 +43,23 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
                 tile: int | None = None) -> Layout:
     """Lay out a grid of labels and lifetimes; the result does not depend on the `tile`."""
     edge = tile or min(max(-(-max(plane.phases, plane.velocities) // ACROSS), SHORTEST), LONGEST)
-    return Layout(
-        (Axis('velocity', plane.velocity_values(),
-              {'long_name': 'initial velocity', 'units': '1'}, edge),
-         Axis('phase', plane.phase_values(),
-              {'long_name': 'initial drive phase', 'units': 'rad'}, edge)),
-        (Variable('label', ('velocity', 'phase'), LABELS, {
-            'long_name': 'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the '
-                         'upper and lower wall, -4 between the walls', 'units': '1'}),
-         Variable('lifetime', ('velocity', 'phase'), LIFETIMES, {
-             'long_name': 'impacts until the trajectory stays within the tolerance of its '
-                          f'attractor; {cap} where label is -1', 'units': '1'}),
-         Variable('stick', ('velocity', 'phase'), LIFETIMES, {
-             'long_name': 'impacts until the mass first sticks; -1 where it settles without',
-             'units': '1'}),
-         Variable('release', ('velocity', 'phase'), '<f8', {
-             'long_name': 'drive phase at which it then leaves the wall: all that leave at the '
-                          'same go on as one trajectory', 'units': 'rad'})),
-        identity, {'title': title})
+    return Layout(axes_of(plane, edge), tuple(
+        Variable(name, ('velocity', 'phase'), dtype, named(words, units))
+        for name, dtype, words, units in (
+            ('label', '<i2', 'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the '
+             'upper and lower wall, -4 between the walls', '1'),
+            ('lifetime', '<i4', 'impacts until the trajectory stays within the tolerance of its '
+             f'attractor; {cap} where label is -1', '1'),
+            ('stick', '<i4', 'impacts until the driven gear first sticks; -1 where it settles '
+             'without', '1'),
+            ('release', '<f8', 'drive phase at which it then leaves the wall: all that leave at '
+             'the same go on as one trajectory', 'rad'))), identity, {'title': title})
+
+
+def axes_of(plane: Plane, edge: int) -> tuple[Axis, Axis]:
+    """Return the axes of a grid whose tiles have this edge [cells]."""
+    return (Axis('velocity', plane.velocity_values(), named('initial velocity'), edge),
+            Axis('phase', plane.phase_values(), named('initial drive phase', 'rad'), edge))
 
 
 def fill_tile(job: Job, tile: int) -> tuple[int, tuple[Orbit, ...]]:

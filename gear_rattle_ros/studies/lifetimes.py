@@ -13,6 +13,7 @@ from .basins import compute_basins, Settings
 from .grid import GRIDS
 from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import follow_here
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.defaults import (
@@ -201,11 +202,9 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     escape = estimate_escape(escaped[0], int(censored[0]), begin, merged)
     edges, counts, survival = distribution(np.sum(escaped, axis=0), int(np.sum(censored)))
     store.write_table({
-        'edge': (('edge',), edges, {'long_name': 'edge of a bin', 'units': 'impacts'}),
-        'escapes': (('bin',), counts, {
-            'long_name': 'escapes after edge and up to the next', 'units': '1'}),
-        'survival': (('edge',), survival, {
-            'long_name': 'share of the cells with a longer lifetime', 'units': '1'}),
+        'edge': (('edge',), edges, named('edge of a bin', 'impacts')),
+        'escapes': (('bin',), counts, named('escapes after edge and up to the next')),
+        'survival': (('edge',), survival, named('share of the cells with a longer lifetime')),
     })
     store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
                           for name, value in dataclasses.asdict(escape).items()})

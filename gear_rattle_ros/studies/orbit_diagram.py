@@ -14,6 +14,7 @@ from .diagram import describe as laid_out, Diagram, KINDS, layout_of, STATE, SWE
 from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..attractors.tracks import track
 from ..core.defaults import SEED
@@ -125,8 +126,8 @@ def write_attractors(store: Store) -> None:
                     kinds == KINDS.index(Kind.CHAOTIC.value),
                     (kinds >= 0) & (kinds != KINDS.index(Kind.UNSETTLED.value)))
     store.write_table({
-        'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), {
-            'long_name': 'number of the attractor, matched from alpha to alpha; -1 none'})})
+        'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), named(
+            'number of the attractor, matched from alpha to alpha; -1 none', None))})
 
 
 def describe(dataset: Dataset) -> str:
