@@ -62,24 +62,10 @@ class Attractor:
     """
     One attractor, or what has settled on none.
 
-    Attributes
-    ----------
-    key : str
-        Its name, the same in every run: that of a periodic orbit is made of its period and its
-        first point, that of a chaotic one of the shortest periodic orbit in it.
-    kind : Kind
-        What it is.
-    label : int
-        Its number.
-    orbit : Orbit or None
-        Where it is periodic.
-    chaos : ChaoticSet or None
-        Where it is chaotic.
-    settled : int
-        Random initial conditions that have settled on it.
-    share, share_error : float
-        Their part of all, with the standard error of a binomial share [1].
-
+    `key` is the same in every run: that of a periodic orbit is made of its period and its first
+    point, that of a chaotic one of the shortest periodic orbit in it. `settled` counts the random
+    initial conditions that have settled on it; `share` is their part of all, with the standard
+    error of a binomial share [1].
     """
 
     key: str
@@ -165,29 +151,13 @@ class Catalogue:
     """
     The attractors at given parameters.
 
-    Attributes
-    ----------
-    parameters : Parameters
-        Of the model.
-    tolerance : float
-        Largest distance of a trajectory that is on its orbit [1].
-    hold : int
-        Impacts for which nothing that is called an attractor was left, and after which what has
-        not settled is unsettled.
-    orbits : tuple of Orbit
-        Periodic ones, in the order of their keys; their labels are 0, 1, ...
-    chaotic : tuple of ChaoticSet
-        Chaotic ones, in the order of their keys; their labels come next.
-    stay : int
-        Impacts in the boxes of a chaotic attractor after which a trajectory has settled on it.
-    labels : ndarray of int, shape (n,)
-        Label of every random initial condition of the search.
-    states : ndarray of START, shape (n,)
-        Where each of them was when it had settled, or was given up.
-    late : tuple of Orbit
-        Orbits found after the search, in the order in which they were found; their labels are the
-        last.
-
+    `tolerance` is the largest distance of a trajectory that is on its orbit [1]. For `hold`
+    impacts nothing that is called an attractor was left, and after them what has not settled is
+    unsettled; a trajectory has settled on a chaotic attractor after `stay` impacts in its boxes.
+    `orbits` and then `chaotic` attractors, in the order of their keys, have the labels 0, 1, ...;
+    the last are those of `late`, orbits found after the search in the order in which they were
+    found. `labels` and `states` are those of the random initial conditions of the search: where
+    each was when it had settled, or was given up.
     """
 
     parameters: Parameters
@@ -257,22 +227,10 @@ class Catalogue:
 
     def label(self, starts: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
         """
-        Follow initial conditions until they settle.
+        Follow initial conditions until they settle, for at most `cap` impacts, `hold` by default.
 
-        Parameters
-        ----------
-        starts : ndarray of START, shape (n,)
-            The initial conditions.
-        cap : int, optional
-            Impacts after which one is unsettled; `hold` by default.
-        **settings
-            As `follow` takes them.
-
-        Returns
-        -------
-        ndarray of RESULT, shape (n,)
-            Labels, lifetimes [impacts], and the states of those that are unsettled.
-
+        Returns their RESULT: labels, lifetimes [impacts], and the states of those that are
+        unsettled; `settings` are those of `follow`.
         """
         return follow(starts, cap or self.hold, self.table, **settings)
 

@@ -1,4 +1,4 @@
-"""The plane of initial conditions: windows, cells, starts."""
+"""The plane of initial conditions: windows and cells."""
 
 import dataclasses
 import math
@@ -23,22 +23,9 @@ class Plane:
     """
     A window of a plane of constant displacement, cut into cells.
 
-    Attributes
-    ----------
-    displacement : float
-        Of every start [1], in [-1, 0].
-    phase : tuple of float
-        Window of the drive phase [rad]; may lie anywhere, at most 2 pi wide.
-    velocity : tuple of float
-        Window of the velocity [1].
-    phases, velocities : int
-        Number of cells along each.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range or a window is empty or reversed.
-
+    All initial conditions have the `displacement` [1], in [-1, 0]. The windows of the drive
+    `phase` [rad], at most 2 pi wide, and of the `velocity` [1] are cut into `phases` and
+    `velocities` cells. ValueError where a value is out of range or a window empty or reversed.
     """
 
     displacement: float = 0.0
@@ -75,37 +62,18 @@ class Plane:
         return _centres(self.velocity, self.velocities, first, last)
 
     def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
-        """
-        Return the initial conditions of some cells as START, row by row, velocity first.
-        """
+        """Return the initial conditions of some cells as START, row by row, velocity first."""
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
         return make_initial_conditions(parameters, np.tile(p, len(v)), self.displacement,
-                           np.repeat(v, len(p)))
+                                       np.repeat(v, len(p)))
 
     def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
-        """
-        Draw initial conditions uniformly from the window; their first do not depend on the count.
-
-        Parameters
-        ----------
-        parameters : Parameters
-            Of every trajectory.
-        count : int
-            How many.
-        seed : int
-            The first starts are the same whatever the count.
-
-        Returns
-        -------
-        ndarray of START, shape (count,)
-            In the order in which they were drawn.
-
-        """
+        """Draw START uniformly from the window; the first do not depend on the `count`."""
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
         return make_initial_conditions(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,
-                           v0 + (v1 - v0) * drawn[:, 1])
+                                       v0 + (v1 - v0) * drawn[:, 1])
 
     def magnified(self, phase: float, velocity: float, factor: float) -> 'Plane':
         """Magnify the window about a point, which stays where it is in the picture."""
@@ -126,6 +94,12 @@ def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
     for name, value in dataclasses.asdict(parameters).items():
         starts[name] = value
     return starts
+
+
+def at_parameters(parameters: Parameters, states: StartArray) -> StartArray:
+    """Return the initial conditions of states, at parameters of their own or at others."""
+    return make_initial_conditions(parameters, *(states[name] for name in (
+        'phase', 'displacement', 'velocity')))
 
 
 def _centres(window: tuple[float, float], count: int, first: int = 0,

@@ -25,6 +25,8 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
     """
     Find every attractor that random initial conditions reach, as a dataset.
 
+    The dataset has the arrays of `table_of`.
+
     Parameters
     ----------
     parameters : Parameters
@@ -40,11 +42,6 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
         How many are drawn, and the seed.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        The arrays of `table_of`.
 
     """
     require_tolerance(tolerance)

@@ -51,6 +51,8 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
     """
     Find on which attractor every cell of a plane settles.
 
+    The dataset has `label` and `lifetime` [impacts] of every cell, and the attractors.
+
     Parameters
     ----------
     parameters : Parameters
@@ -69,11 +71,6 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
         Cells along the edge of a tile.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        `label` and `lifetime` [impacts] of every cell, and the attractors.
 
     """
     settings = Settings(cap, tolerance, initial_conditions, seed, hold, tile=tile)

@@ -27,6 +27,8 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     """
     Follow attractors and their shares across alpha; locate where they are born, double and end.
 
+    The dataset has what `orbit_diagram` has, and the events.
+
     Parameters
     ----------
     parameters : Parameters
@@ -47,11 +49,6 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         Of the initial conditions.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        What `orbit_diagram` has, and the events.
 
     """
     if not 1e-12 <= tolerance <= 1e-2:

@@ -38,6 +38,8 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
     """
     Locate a boundary crisis, by the tangency of manifolds and by escape rates.
 
+    The dataset has lifetimes and escape rates by alpha; the crisis and its law as attributes.
+
     Parameters
     ----------
     parameters : Parameters
@@ -57,11 +59,6 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
         Of the initial conditions.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        Lifetimes and escape rates by alpha; the crisis and its law as attributes.
 
     """
     work, plane = Work(**options), plane or Plane(displacement=-0.5)

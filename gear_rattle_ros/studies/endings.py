@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .escape_rates import fit_law, FITTED
 from ..attractors.catalogue import OTHERS
-from ..attractors.plane import make_initial_conditions
+from ..attractors.plane import at_parameters, make_initial_conditions
 from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
@@ -106,7 +106,7 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
     """Make states of many trajectories from one; in chaos they diverge."""
     phase, displacement, velocity = state
     return make_initial_conditions(parameters, phase, displacement,
-                       velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
+                                   velocity * (1.0 + 1e-6 * np.arange(LANES) / LANES))
 
 
 def watch(parameters: Parameters, states: RecordArray, hold: int,
@@ -301,9 +301,7 @@ def _at(herd: Herd, alpha: float) -> Parameters:
 def _go_on(parameters: Parameters, states: RecordArray
            ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | str]]]:
     # States after a round, its last impacts, and who is at rest or on a stable orbit.
-    starts = make_initial_conditions(parameters, *(states[name] for name in (
-        'phase', 'displacement', 'velocity')))
-    rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
+    rows, counts = record_impacts(at_parameters(parameters, states), ROUND - KEPT, KEPT)
     last = rows[:, -1]
     after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                          last['velocity'])

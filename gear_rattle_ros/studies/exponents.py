@@ -50,6 +50,8 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
     """
     Find how fast neighbouring trajectories of every cell of a plane diverge or converge.
 
+    The dataset has `exponent` per impact [1] of every cell, as `finite_time_exponents` finds it.
+
     Parameters
     ----------
     parameters : Parameters
@@ -60,11 +62,6 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
         Impacts of every trajectory.
     **options
         As `Work` explains them; no cluster.
-
-    Returns
-    -------
-    xarray.Dataset
-        `exponent` per impact [1] of every cell, as `finite_time_exponents` finds it.
 
     """
     work, plane = Work(**options), plane or Plane()

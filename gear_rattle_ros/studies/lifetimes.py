@@ -170,6 +170,9 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     """
     Find how long every cell of a plane is transient; only an orbit or rest ends a transient.
 
+    The dataset has what `basins` has, the distribution of the lifetimes, and `Escape` as
+    attributes.
+
     Parameters
     ----------
     parameters : Parameters
@@ -184,11 +187,6 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         As `basins` takes them.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        What `basins` has, the distribution of the lifetimes, and `Escape` as attributes.
 
     """
     begin = int(TAIL * cap) if tail is None else tail

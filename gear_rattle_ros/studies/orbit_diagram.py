@@ -15,10 +15,9 @@ from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
 from ..attractors.listing import named
-from ..attractors.plane import Plane
+from ..attractors.plane import at_parameters, make_initial_conditions, Plane
 from ..attractors.tracks import track
 from ..core.defaults import SEED
-from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
@@ -36,6 +35,8 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
                   ) -> Dataset:
     """
     Count impact velocities against alpha, attractor by attractor, with the largest exponent.
+
+    The dataset has over sweep, alpha and attractor: counts, key, share, kind, period, exponent.
 
     Parameters
     ----------
@@ -60,11 +61,6 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
         Of 'starts' (many initial conditions at each alpha), 'up' and 'down' (followed).
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over sweep, alpha and attractor: counts, key, share, kind, period, exponent.
 
     """
     return compute(Diagram(
@@ -102,18 +98,20 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     ends = np.full((len(columns), LANES, len(STATE)), math.nan)
     found: dict[int, list[Branch]] = {}
     order = list(columns) if sweep != 'down' else list(reversed(columns))
-    starts = None if sweep == 'starts' else _states_before(diagram, store, tile, order[0])
+    is_followed = sweep != 'starts'
+    states = _states_before(diagram, store, tile, order[0]) if is_followed else None
     known: tuple[Orbit, ...] = ()
     for c in order:
         catalogue, found[c] = find_branches(
-            diagram.at(c), diagram.draw(c) if starts is None else starts, diagram.window,
+            diagram.at(c), diagram.draw(c) if states is None else at_parameters(
+                diagram.at(c), states), diagram.window, known)
+        if is_followed:
+            states = catalogue.states
+            ends[c - columns.start, :len(states)] = np.stack(
+                [states[name] for name in STATE], axis=1)
+        else:
             # What is followed knows nothing of what it has left.
-            known if starts is None else ())
-        known = catalogue.orbits
-        if starts is not None:
-            ends[c - columns.start, :len(starts)] = np.stack(
-                [catalogue.states[name] for name in STATE], axis=1)
-            starts = _at(catalogue.states, diagram, c + (1 if sweep == 'up' else -1))
+            known = catalogue.orbits
     values = laid_out([found[c] for c in columns], diagram)
     store.write(tile, {name: value[None] for name, value in {**values, 'end_state': ends}.items()})
     return sum(len(one.states) for c in columns for one in found[c]) * diagram.window.keep
@@ -151,26 +149,14 @@ def describe(dataset: Dataset) -> str:
 
 
 def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> npt.NDArray[np.void]:
-    # The ends of the neighbouring column, or fresh starts at the end of the window.
+    # The ends of the neighbouring column, or fresh initial conditions at the end of the window.
     backwards = -1 if _sweep(diagram, store, tile) == 'up' else 1
     if not 0 <= column + backwards < diagram.columns:
         few = dataclasses.replace(diagram, trajectories=min(diagram.trajectories, LANES))
         return few.draw(column)
     sweep = store.tiles[tile]['sweep'].start
     states = store.read_all('end_state')[sweep, column + backwards]
-    states = states[np.isfinite(states[:, 0])]
-    starts = np.zeros(len(states), START)
-    for k, name in enumerate(STATE):
-        starts[name] = states[:, k]
-    return _at(starts, diagram, column)
-
-
-def _at(states: npt.NDArray[np.void], diagram: Diagram, column: int) -> npt.NDArray[np.void]:
-    starts = states.copy()
-    if 0 <= column < diagram.columns:
-        for name, value in dataclasses.asdict(diagram.at(column)).items():
-            starts[name] = value
-    return starts
+    return make_initial_conditions(diagram.at(column), *states[np.isfinite(states[:, 0])].T)
 
 
 def _sweep(diagram: Diagram, store: Store, tile: int) -> str:

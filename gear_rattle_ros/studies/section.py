@@ -30,6 +30,9 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
     """
     Count impacts on the section.
 
+    The dataset has `count` over phase and velocity, of what settled on a periodic orbit and of
+    what did not, and the periodic orbits.
+
     Parameters
     ----------
     parameters : Parameters
@@ -46,12 +49,6 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
         Of the initial conditions.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        `count` over phase and velocity, of what settled on a periodic orbit and of what did not,
-        and the periodic orbits.
 
     """
     if not bin_window[0] < bin_window[1]:
