@@ -35,8 +35,7 @@ from ..core.many.settling import (
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 
-# Initial conditions of one call of the kernel, fewer where they take so many impacts: it cannot
-# be stopped.
+# Initial conditions and impacts of one call of the kernel at most: it cannot be stopped.
 BATCH: Final = 250
 BATCH_IMPACTS: Final = 2_000_000
 
@@ -225,14 +224,14 @@ class Catalogue:
         return make_table(orbits, self.tolerance, numbers=numbers, boxes=boxes,
                           box_speed=self.chaotic[0].speed, stay=self.stay)
 
-    def label(self, starts: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
+    def label(self, initial: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
         """
         Follow initial conditions until they settle, for at most `cap` impacts, `hold` by default.
 
         Returns their RESULT: labels, lifetimes [impacts], and the states of those that are
         unsettled; `settings` are those of `follow`.
         """
-        return follow(starts, cap or self.hold, self.table, **settings)
+        return follow(initial, cap or self.hold, self.table, **settings)
 
 
 def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
@@ -284,43 +283,43 @@ def go_on() -> None:
     """Give nothing up."""
 
 
-def follow(starts: RecordArray, cap: int, table: Table, *, threads: int | None = None,
+def follow(initial: RecordArray, cap: int, table: Table, *, threads: int | None = None,
            cluster: str | None = None, check: Any = go_on) -> RecordArray:
     """
     Follow initial conditions until they settle, for at most `cap` impacts; return their RESULT.
 
     `check` is called after each batch and raises to give up.
     """
-    results = np.zeros(len(starts), RESULT)
+    results = np.zeros(len(initial), RESULT)
     # At least two batches, for as many threads.
-    size = min(max(min(BATCH_IMPACTS // cap, -(-len(starts) // 2)), LANES), BATCH)
+    size = min(max(min(BATCH_IMPACTS // cap, -(-len(initial) // 2)), LANES), BATCH)
 
     def keep(batch: int, settled: RecordArray) -> None:
         results[batch * size:(batch + 1) * size] = settled
         check()
 
-    run_tiles(functools.partial(_follow_batch, starts, size, cap, table),
-              range(-(-len(starts) // size)), keep, cluster=cluster, threads=threads)
+    run_tiles(functools.partial(_follow_batch, initial, size, cap, table),
+              range(-(-len(initial) // size)), keep, cluster=cluster, threads=threads)
     return results
 
 
-def _follow_batch(starts: RecordArray, size: int, cap: int, table: Table, batch: int
+def _follow_batch(initial: RecordArray, size: int, cap: int, table: Table, batch: int
                   ) -> RecordArray:
-    part = starts[batch * size:(batch + 1) * size]
+    part = initial[batch * size:(batch + 1) * size]
     results = np.zeros(len(part), RESULT)
     follow_here(part, cap, table, results)
     return results
 
 
-def follow_here(starts: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
+def follow_here(initial: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
     """Follow initial conditions in this thread into `results`; return the impacts made."""
-    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), starts, cap,
+    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), initial, cap,
                         table, results))
 
 
-def moved(starts: RecordArray, results: RecordArray) -> RecordArray:
+def moved(initial: RecordArray, results: RecordArray) -> RecordArray:
     """Return initial conditions where they were when they were given up as unsettled."""
-    states = starts.copy()
+    states = initial.copy()
     for name in ('phase', 'displacement', 'velocity'):
         states[name] = results[name]
     return states

@@ -86,14 +86,14 @@ class Plane:
 def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
                             displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> StartArray:
     """Put initial conditions (phases of any size) and parameters together, as START."""
-    starts = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
+    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
     turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
-    starts['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
-    starts['displacement'] = displacement
-    starts['velocity'] = velocities
+    initial['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
+    initial['displacement'] = displacement
+    initial['velocity'] = velocities
     for name, value in dataclasses.asdict(parameters).items():
-        starts[name] = value
-    return starts
+        initial[name] = value
+    return initial
 
 
 def at_parameters(parameters: Parameters, states: StartArray) -> StartArray:

@@ -12,7 +12,7 @@ def _add_options(parser: Parser) -> None:
     add(parser, 'columns', whole(2), 131, 'amplitudes')
     add(parser, 'trajectories', whole(1), 256, 'at each alpha')
     add(parser, 'skip', whole(1), 4000, 'impacts passed over at least where nothing settles')
-    add(parser, 'keep', whole(1), 512, 'impacts looked at then')
+    add(parser, 'keep', whole(1), 512, 'impacts kept then')
     add(parser, 'tolerance', number, 1e-7, 'of the ends of chaotic attractors, in alpha [1]')
     add(parser, 'hold', whole(256), HOLD,
         'a chaotic attractor lasts where trajectories stay for this number of impacts')

@@ -45,7 +45,7 @@ class Command:
     planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:
-        """Return 0, 2 after one line that says what is wrong, or 130 after Ctrl-C."""
+        """Return 0, 2 after one line that names what is wrong, or 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else list(arguments)
         parser = Parser(self.name, description=self.description)
         self.add_options(parser)

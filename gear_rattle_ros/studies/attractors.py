@@ -29,10 +29,8 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
 
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, plane
+        The model, and the window from which initial conditions are drawn.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
@@ -57,12 +55,11 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
     return store.dataset()
 
 
-def describe(dataset: Dataset, cells: dict[int, int] | None = None, beside: str = ''
-             ) -> str:
+def describe(dataset: Dataset, cells: dict[int, int] | None = None, beside: str = '') -> str:
     """
     Put the attractors of a dataset in words, with the cells of a grid by label.
 
-    What is known `beside` them follows; where areas are kept, one line says all.
+    What is known `beside` them follows; where areas are kept, one line is all.
     """
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES

@@ -55,10 +55,8 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
 
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The cells.
+    parameters, plane
+        The model and the cells.
     cap : int
         Impacts after which a cell is unsettled.
     tolerance : float

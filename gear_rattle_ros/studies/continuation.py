@@ -40,9 +40,9 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     columns, trajectories : int
         Amplitudes, and trajectories at each.
     keep : int
-        Impacts of each that are looked at.
+        Impacts of each that are kept.
     hold : int
-        A chaotic attractor lasts where trajectories stay for so many impacts.
+        A chaotic attractor lasts where trajectories stay for this number of impacts.
     tolerance : float
         Of the ends of chaotic attractors, in alpha [1].
     seed : int

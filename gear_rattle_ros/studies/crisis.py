@@ -85,7 +85,7 @@ def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
     """
     Choose where escapes are timed: one alpha before the crisis, then equal steps of the logarithm.
 
-    The tangency only says where to look; the law is fitted without it.
+    The tangency only gives where to look; the law is fitted without it.
     """
     beyond = np.geomspace(nearest, farthest, count)
     return tuple(float(round(tangency.alpha + d, 9)) for d in (-2.0 * nearest, *beyond))

@@ -25,27 +25,28 @@ from ..core.orbits.branches import Change, follow, is_own_image, Turn
 from ..core.orbits.orbit import close_near, Orbit
 from ..core.orbits.section import shortest_recurrence
 
-# Trajectories are looked at every so many impacts, at the last of them, and this often at least.
+# Impacts of a round, the last of them that are examined, and the fewest rounds.
 ROUND: Final = 2048
 KEPT: Final = 256
 ROUNDS: Final = 8
-# Impacts that recur so well are looked at for an orbit [1].
+# Impacts that recur within this are searched for an orbit [1].
 RECURS: Final = 1e-4
-# The region of an attractor: boxes along phase and speed, up to so much above its fastest impact.
+# The region of an attractor: boxes along phase and speed, up to a multiple of the fastest impact.
 BOXES: Final = 128
 ROOM: Final = 1.2
-# Beyond a crisis escapes are timed where the mean lifetime is at least this part of the impacts
-# over which the attractor is watched, and up to so much longer; so many at each amplitude, whose
-# distances go by a factor.
+# Beyond a crisis escapes are timed where the mean lifetime is at least this fraction of the
+# impacts over which the attractor is watched, and up to `SPAN` times as long; `ESCAPES` at each
+# amplitude, whose distances go by a factor.
 SHORTEST: Final = 0.25
 SPAN: Final = 16.0
 ESCAPES: Final = 48
 FACTOR: Final = math.sqrt(2.0)
-# An orbit is followed so far to the end of its window [1], which is left by a leap.
+# Distance over which an orbit is followed to the end of its window [1], which is left by a leap.
 WIDEST: Final = 0.05
 LEAP: Final = 2.5
-# Of so many escapes expected none is seen once in twenty times; and the escape rate grows with the
-# distance from the crisis at most as this power (Grebogi, Ott & Yorke 1987: 1/2 and more).
+# Where this number of escapes is expected, none is seen once in twenty times; the escape rate
+# grows with the distance from the crisis at most as a power (Grebogi, Ott & Yorke 1987: 1/2 and
+# more).
 UNSEEN: Final = 3.0
 EXPONENT: Final = 2.0
 
@@ -218,7 +219,7 @@ def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | Non
 
 def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | str | None,
             hold: int, width: float) -> End:
-    # Long lifetimes hide the very place; the law by which they shorten beyond it tells.
+    # Long lifetimes hide the place itself; the law by which they shorten beyond it gives it.
     high = 2.0 * step
     shortest = max(SHORTEST * hold, 2.0 * ROUND)
 
@@ -280,7 +281,7 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
         gone[[i for i, _ in captors]] = True
         made += LANES * ROUND
         if gone.all():
-            # Faster than they are looked at.
+            # Faster than a round.
             return EscapeRate(1.0 / ROUND, 1.0 / ROUND, LANES, float(LANES * ROUND))
         escapes += int(np.count_nonzero(gone & counts))
         rounds += int(np.count_nonzero(counts))

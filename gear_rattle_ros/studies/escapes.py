@@ -29,12 +29,12 @@ from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
-# A trajectory that has settled on another stable orbit will never escape: it says nothing.
+# A trajectory that has settled on another stable orbit will never escape and does not count.
 ELSEWHERE: Final = 2
 IntArray: TypeAlias = npt.NDArray[np.signedinteger]
-# Impacts for which a survivor is looked at.
+# Impacts for which a survivor is followed.
 SURVIVED_LOOK: Final = 1000
-# Escapes at an amplitude are counted in so many independent parts, a tile each.
+# Independent parts in which the escapes at an amplitude are counted, a tile each.
 PARTS: Final = 8
 
 
@@ -46,8 +46,8 @@ class Escapes:
     At each of the `alphas` [1], `wanted` escapes are shared among `PARTS`; the first alpha lies
     before the crisis, to see that nothing escapes. The initial conditions, drawn from `plane`, are
     the same at each. A trajectory is captured within `radius` of the `points` (phase, velocity) of
-    the captor at its alpha [rad, 1]. Escapes within `skip` impacts say nothing: the initial
-    condition lay in the basin. After `limit` impacts, at the first alpha `limit_before`, a
+    the captor at its alpha [rad, 1]. Escapes within `skip` impacts do not count: the
+    initial condition lay in the basin. After `limit` impacts, at the first alpha `limit_before`, a
     trajectory is given up.
     """
 
@@ -105,12 +105,12 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     """Time the escapes of one part at one alpha into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
-    starts = escapes.plane.draw(parameters, escapes.trajectories,
-                                escapes.seed * 1_000_003 + part)
-    lifetimes, fates = np.zeros(len(starts), np.int64), np.zeros(len(starts), np.int64)
-    ends = np.zeros((len(starts), 3))
+    initial = escapes.plane.draw(parameters, escapes.trajectories,
+                                 escapes.seed * 1_000_003 + part)
+    lifetimes, fates = np.zeros(len(initial), np.int64), np.zeros(len(initial), np.int64)
+    ends = np.zeros((len(initial), 3))
     last_until_captured(
-        new_tiles(1)[0], new_impacts(STEPS), starts, escapes.points[k], escapes.radius,
+        new_tiles(1)[0], new_impacts(STEPS), initial, escapes.points[k], escapes.radius,
         escapes.skip, escapes.wanted_of_part, escapes.limit if k else escapes.limit_before,
         lifetimes, fates, ends)
     survivors = np.flatnonzero(fates == SURVIVED)

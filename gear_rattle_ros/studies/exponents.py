@@ -25,7 +25,7 @@ NAME: Final = 'exponents'
 EDGE: Final = 100
 
 
-def finite_time_exponents(starts: StartArray, count: int, threads: int | None = None,
+def finite_time_exponents(initial: StartArray, count: int, threads: int | None = None,
                           check: Check = go_on) -> FloatArray:
     """
     Find the largest finite-time exponents of initial conditions over some impacts.
@@ -33,14 +33,14 @@ def finite_time_exponents(starts: StartArray, count: int, threads: int | None = 
     Per impact [1]; -inf where the driven gear sticks or comes to rest, nan where it floats.
     `check` is called for every batch and raises to give up.
     """
-    exponents = np.zeros(len(starts))
+    exponents = np.zeros(len(initial))
 
     def work(batch: int) -> None:
         check()
         part = slice(batch * BATCH, (batch + 1) * BATCH)
-        grow(new_tiles(1)[0], new_impacts(STEPS), starts[part], count, exponents[part])
+        grow(new_tiles(1)[0], new_impacts(STEPS), initial[part], count, exponents[part])
 
-    run_tiles(work, range(-(-len(starts) // BATCH)), lambda batch, result: None, threads=threads)
+    run_tiles(work, range(-(-len(initial) // BATCH)), lambda batch, result: None, threads=threads)
     return exponents
 
 
@@ -54,10 +54,8 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
 
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The cells.
+    parameters, plane
+        The model and the cells.
     impacts : int
         Impacts of every trajectory.
     **options

@@ -35,7 +35,7 @@ TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
 TAIL: Final = 0.1
 # Bins of the distribution, even in the logarithm.
 BINS: Final = 200
-# Trajectories that many initial conditions share are followed for so many caps.
+# Caps for which trajectories that many initial conditions share are followed.
 FAR: Final = 20
 
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -44,16 +44,13 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 @dataclasses.dataclass(frozen=True)
 class Merged:
     """
-    Initial conditions from which the driven gear sticks.
+    Initial conditions from which the driven gear sticks; many go on as one trajectory.
 
-    Those that leave at the same phase go on as one trajectory.
-
-    A row stands for all that stick after the same number of impacts and go on as the same.
-
-    `stick`, `after`: impacts until the mass sticks, and from there until it settles; `count`,
-    `censored`: initial conditions, and those of them that were given up at the cap; `trajectory`:
-    number of the trajectory that they share; `is_open`: whether that was given up, far beyond the
-    cap, after so many impacts.
+    A row stands for all that stick after the same number of impacts and leave at the same phase.
+    `stick`, `after`: impacts until the driven gear sticks, and from there until it settles;
+    `count`, `censored`: initial conditions, and those of them that were given up at the cap;
+    `trajectory`: number of the trajectory that they share; `is_open`: whether that was given up,
+    far beyond the cap, after these impacts.
     """
 
     stick: IntArray
@@ -175,10 +172,8 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
 
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The cells.
+    parameters, plane
+        The model and the cells.
     cap : int
         Impacts after which a cell is given up.
     tail : int, optional
@@ -227,11 +222,11 @@ def parts_of(store: Store, parameters: Parameters, plane: Plane
              ) -> Iterator[tuple[RecordArray, RecordArray]]:
     """Read the initial conditions of a grid and what is stored of their RESULT, tile by tile."""
     for tile, place in enumerate(store.tiles):
-        starts = plane.cells(parameters, place['velocity'], place['phase'])
-        results = np.zeros(len(starts), RESULT)
+        initial = plane.cells(parameters, place['velocity'], place['phase'])
+        results = np.zeros(len(initial), RESULT)
         for name in GRIDS:
             results[name] = store.read(tile, name).ravel()
-        yield starts, results
+        yield initial, results
 
 
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int
@@ -240,12 +235,12 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
     Count lifetimes up to the cap and what was given up there, and gather what is shared.
 
     The first row of both counts is of those that are independent, the second of those from which
-    the mass sticks; each trajectory that these share is followed once.
+    the driven gear sticks; each trajectory that these share is followed once.
     """
     counts, censored = np.zeros((2, cap + 1), np.int64), np.zeros(2, np.int64)
     rows: dict[tuple[float, int], list[int]] = {}
     first: dict[float, RecordArray] = {}
-    for starts, results in parts:
+    for initial, results in parts:
         given_up = results['label'] == UNSETTLED
         is_merged = np.isfinite(results['release'])
         for k, these in enumerate((~is_merged, is_merged)):
@@ -253,7 +248,7 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
             counts[k] += np.bincount(results['lifetime'][these & ~given_up], minlength=cap + 1)
         for cell in np.flatnonzero(is_merged):
             release = float(results['release'][cell])
-            first.setdefault(release, starts[cell:cell + 1])
+            first.setdefault(release, initial[cell:cell + 1])
             row = rows.setdefault((release, int(results['stick'][cell])), [0, 0])
             row[0] += 1
             row[1] += int(given_up[cell])

@@ -36,7 +36,7 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
     """
     Count impact velocities against alpha, attractor by attractor, with the largest exponent.
 
-    The dataset has over sweep, alpha and attractor: counts, key, share, kind, period, exponent.
+    The dataset has counts, key, share, kind, period and exponent over sweep, alpha and attractor.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
         return int(region.stop - region.start)
 
     with work.pending(name, store, columns) as (pending, finished):
-        starts, up, down = ([t for t in pending if _sweep(diagram, store, t) == sweep]
-                            for sweep in SWEEPS)
-        work.run(fill, starts, finished)
+        many, up, down = ([t for t in pending if _sweep(diagram, store, t) == sweep]
+                          for sweep in SWEEPS)
+        work.run(fill, many, finished)
         # A tile that is followed begins where its neighbour ends: one of each sweep at a time.
         for tiles in itertools.zip_longest(up, reversed(down)):
             work.run(fill, [tile for tile in tiles if tile is not None], finished)

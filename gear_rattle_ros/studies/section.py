@@ -35,10 +35,8 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
 
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, plane
+        The model, and the window from which initial conditions are drawn.
     trajectories, skip, keep : int
         Trajectories, and the impacts of each that are passed over and then counted.
     bins : tuple of int

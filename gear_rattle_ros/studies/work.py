@@ -37,21 +37,11 @@ class Work:
     """
     How a study runs and where its dataset is kept.
 
-    Attributes
-    ----------
-    store : Path or str, optional
-        Directory of the Zarr store; without one the dataset is in memory only.
-    resume : bool
-        Whether to go on with a store that exists.
-    threads : int, optional
-        By default one for each processor.
-    cluster : str, optional
-        Address of a Dask scheduler, whose workers see the store.
-    command : str
-        The command line that does the same, kept in the dataset.
-    progress : bool, optional
-        Whether to report progress on stderr; by default where that is a terminal.
-
+    `store` is the directory of the Zarr store; without one the dataset is in memory only.
+    `resume` goes on with a store that exists. `threads` is by default one for each processor;
+    `cluster` is the address of a Dask scheduler whose workers see the store. `command`, the
+    command line that does the same, is kept in the dataset. `progress` is reported on stderr, by
+    default where that is a terminal.
     """
 
     store: Path | str | None = None
