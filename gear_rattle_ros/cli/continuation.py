@@ -8,7 +8,7 @@ from ..core.defaults import HOLD
 
 
 def _add_options(parser: Parser) -> None:
-    options.add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
+    options.add_model(parser, (0.47, 0.60), 'window of alpha')
     add(parser, 'columns', whole(2), 131, 'amplitudes')
     add(parser, 'trajectories', whole(1), 256, 'at each alpha')
     add(parser, 'skip', whole(1), 4000, 'impacts passed over at least where nothing settles')

@@ -7,7 +7,7 @@ from .run import Command
 
 
 def _add_options(parser: Parser) -> None:
-    options.add_alpha_window(parser, 1.23, 1.25, 'before and beyond the crisis')
+    options.add_model(parser, (1.23, 1.25), 'before and beyond the crisis')
     add(parser, 'beyond', number, (4e-6, 4e-4),
         'distances from the crisis at which escapes are timed [1]', shown='4e-6 4e-4')
     add(parser, 'rates', whole(4), 20, 'amplitudes at which they are')

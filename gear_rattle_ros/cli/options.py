@@ -13,11 +13,6 @@ if TYPE_CHECKING:
     from ..core.model import Parameters
 
 GREATEST: Final = 2**31 - 1
-# The model: names, default values, and what they are.
-MODEL: Final = {
-    'alpha': (defaults.ALPHA, 'amplitude of the drive'), 'beta': (defaults.BETA, 'damping'),
-    'gamma': (defaults.GAMMA, 'constant load'),
-    'restitution': (defaults.RESTITUTION, 'coefficient of restitution')}
 
 
 def number(text: str) -> float:
@@ -60,23 +55,14 @@ def add(group: Any, name: str, read: Callable[[str], Any], standard: Any, words:
         **({'nargs': 2, 'metavar': tuple(letters)} if len(values) == 2 else {'metavar': single}))
 
 
-def add_model(parser: Parser, *, alpha: float = defaults.ALPHA) -> None:
-    """Add the options of the model."""
-    _add_model(parser, {'alpha': alpha})
-
-
-def add_alpha_window(parser: Parser, low: float, high: float, words: str) -> None:
-    """Add a window of amplitudes, and the other parameters of the model."""
-    add(parser, 'alpha', number, (low, high), f'{words} [1]')
-    _add_model(parser, {'alpha': None})
-
-
-def _add_model(parser: Parser, others: dict[str, float | None]) -> None:
+def add_model(parser: Parser, alpha: float | tuple[float, float] = defaults.ALPHA,
+              words: str = 'amplitude of the drive') -> None:
+    """Add the options of the model; a tuple is a window of amplitudes."""
     group = parser.add_argument_group('model')
-    for name, (standard, words) in MODEL.items():
-        value = others.get(name, standard)
-        if value is not None:
-            add(group, name, number, value, f'{words} [1]')
+    add(group, 'alpha', number, alpha, f'{words} [1]')
+    add(group, 'beta', number, defaults.BETA, 'damping [1]')
+    add(group, 'gamma', number, defaults.GAMMA, 'constant load [1]')
+    add(group, 'restitution', number, defaults.RESTITUTION, 'coefficient of restitution [1]')
 
 
 def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0) -> None:
@@ -126,10 +112,8 @@ def hold_of(given: argparse.Namespace) -> dict[str, int]:
 def model_of(given: argparse.Namespace) -> 'Parameters':
     """Read the parameters of the model; of a window of alpha the higher end is taken."""
     from ..core.model import Parameters
-    values = {name: getattr(given, name) for name in MODEL}
-    if not isinstance(given.alpha, float):
-        values['alpha'] = max(given.alpha)
-    return Parameters(**values)
+    alpha = given.alpha if isinstance(given.alpha, float) else max(given.alpha)
+    return Parameters(alpha, given.beta, given.gamma, given.restitution)
 
 
 def plane_of(given: argparse.Namespace) -> 'Plane':

@@ -12,7 +12,7 @@ SWEEPS = ('starts', 'up', 'down')
 
 
 def _add_options(parser: Parser) -> None:
-    options.add_alpha_window(parser, 0.47, 0.60, 'window of alpha')
+    options.add_model(parser, (0.47, 0.60), 'window of alpha')
     add(parser, 'columns', whole(2), 780, 'amplitudes')
     add(parser, 'bins', whole(1), 900, 'bins of the velocity')
     add(parser, 'bin-window', number, (-1.5, 1.5), 'velocities counted [1]')

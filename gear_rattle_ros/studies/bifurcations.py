@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .diagram import Diagram, KINDS
-from .endings import End, Escape, find_end, Herd, spread_out, watch
+from .endings import Captor, End, find_end, Herd, spread_out, watch
 from ..attractors.catalogue import Kind
 from ..attractors.plane import make_initial_conditions
 from ..core.many.recorded import record_impacts
@@ -139,7 +139,7 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
             _add(home, families, diagram)
         home.numbers.append(n)
 
-    def follow_chaos(n: int, herd: Herd | Escape | None, direction: float, edge: float) -> None:
+    def follow_chaos(n: int, herd: Herd | Captor, direction: float, edge: float) -> None:
         if not isinstance(herd, Herd):
             return
         width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 import dataclasses
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -72,16 +72,9 @@ class Herd:
         return np.asarray(np.mean(inside, axis=-1) < 0.5)
 
 
-@dataclasses.dataclass(frozen=True)
-class Escape:
-    """
-    Trajectories of which one has left the attractor.
-
-    `captor`: the orbit on which it has settled, or the key of rest; None where it goes on
-    elsewhere.
-    """
-
-    captor: Orbit | str | None
+# What captures trajectories that leave an attractor: a stable orbit, the key of rest, or nothing
+# where they go on elsewhere.
+Captor: TypeAlias = Orbit | str | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +92,7 @@ class End:
     kind: str
     alpha: float
     uncertainty: float
-    captor: Orbit | str | None
+    captor: Captor
     last: Herd
 
 
@@ -111,12 +104,12 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
 
 
 def watch(parameters: Parameters, states: RecordArray, hold: int,
-          before: Herd | None = None) -> Herd | Escape:
+          before: Herd | None = None) -> Herd | Captor:
     """
     Watch for `hold` impacts each whether trajectories stay on their attractor.
 
-    Return their herd, or the first escape. Without `before`, the attractor a little earlier, it is
-    what they are seen on.
+    Return their herd, or what has captured the first that has left. Without `before`, the
+    attractor a little earlier, it is what they are seen on.
     """
     seen: list[RecordArray] = []
     away = np.ones(LANES, bool)
@@ -125,12 +118,12 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
     while len(seen) < rounds or before is not None and len(seen) < 2 * rounds and away.any():
         states, impacts, captors = _go_on(parameters, states)
         for _, captor in captors:
-            return Escape(captor)
+            return captor
         seen.append(impacts)
         if before is not None and len(seen) >= rounds:
             away &= before.strays(impacts['phase'], impacts['velocity'])
     if before is not None and away.any():
-        return Escape(None)
+        return None
     # The first impacts are still on their way from where the attractor was.
     impacts = np.concatenate(seen[1:])
     speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
@@ -149,7 +142,8 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
     impacts. None where it does not end.
     """
     low, step, stayed = herd.parameters.alpha, width, 0
-    captor, turn = None, None
+    captor: Captor = None
+    turn = None
     while step >= tolerance:
         left = direction * (edge - low)
         if left < tolerance:
@@ -161,7 +155,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
             # Once is what a bisection does; twice, the step had failed for its length alone.
             step = min(width, 2.0 * step) if stayed > 1 else step
             continue
-        captor, stayed = trial.captor, 0
+        captor, stayed = trial, 0
         turn = _born(captor, herd, low, direction) if isinstance(captor, Orbit) else None
         if isinstance(captor, Orbit) and turn is not None:
             if turn.orbit.impacts == captor.impacts and (
@@ -179,7 +173,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after, Herd):
                         herd, low = after, after.parameters.alpha
                         continue
-                    if isinstance(after.captor, Orbit):
+                    if isinstance(after, Orbit):
                         return _window(turn, herd)
             else:
                 # A window narrower than a column is no end: chaos is back on its other side, or at
@@ -217,7 +211,7 @@ def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | Non
     return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
 
 
-def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | str | None,
+def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Captor,
             hold: int, width: float) -> End:
     # Long lifetimes hide the place itself; the law by which they shorten beyond it gives it.
     high = 2.0 * step

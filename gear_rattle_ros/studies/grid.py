@@ -127,22 +127,22 @@ def _shape(store: Store, tile: int) -> tuple[int, int]:
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:
+    # JSON has neither complex numbers nor infinity.
     return json.dumps([{
         'walls': orbit.walls.tolist(), 'points': orbit.points.tolist(),
         'flight_times': orbit.flight_times.tolist(), 'drive_periods': orbit.drive_periods,
-        'multipliers': [[value.real, value.imag] for value in orbit.multipliers.tolist()],
+        'multipliers': orbit.multipliers.astype(complex).view(float).tolist(),
         'sticks': orbit.sticks,
         'forms': None if orbit.forms is None else [
-            [None if np.isinf(value) else value for value in form]
-            for form in orbit.forms.tolist()],
-    } for orbit in late])
+            [None if math.isinf(value) else value for value in form]
+            for form in orbit.forms.tolist()]} for orbit in late])
 
 
 def _orbits_from(text: str, parameters: Parameters) -> list[Orbit]:
     return [Orbit(
         parameters, np.array(each['walls'], np.int64), np.array(each['points']),
         np.array(each['flight_times']), each['drive_periods'],
-        np.array([complex(*value) for value in each['multipliers']]), each['sticks'],
-        None if each['forms'] is None else np.array([
-            [np.inf if value is None else value for value in form] for form in each['forms']]),
+        np.array(each['multipliers'], np.float64).ravel().view(np.complex128), each['sticks'],
+        None if each['forms'] is None else np.array(
+            [[math.inf if value is None else value for value in form] for form in each['forms']]),
     ) for each in json.loads(text)]

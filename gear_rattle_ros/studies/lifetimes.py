@@ -208,9 +208,8 @@ def escape_of(dataset: Dataset) -> Escape:
     """Read the estimate of a dataset."""
     values: dict[str, Any] = {field.name: dataset.attrs[f'escape_{field.name}']
                               for field in dataclasses.fields(Escape)}
-    values = {name: float(value) if isinstance(value, str) else value
-              for name, value in values.items()}
-    return Escape(**values)
+    return Escape(**{name: float(value) if isinstance(value, str) else value
+                     for name, value in values.items()})
 
 
 def describe(dataset: Dataset) -> str:

@@ -143,7 +143,7 @@ def test_every_dataset_says_what_it_is(tmp_path, tool):
     attributes = dataset.attrs
     assert (attributes['tool'], attributes['beta'], attributes['seed']) == (tool, 0.11, 1)
     for name in ('alpha', 'gamma', 'restitution', 'displacement', 'phase_window',
-                 'velocity_window', 'tolerance', 'hold', 'starts', 'created', 'title'):
+                 'velocity_window', 'tolerance', 'hold', 'initial_conditions', 'created', 'title'):
         assert name in attributes
     assert attributes['command'] == shlex.join(
         ['ros2', 'run', 'gear_rattle_ros', tool, *options])
