@@ -29,15 +29,13 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
 
     Parameters
     ----------
-    parameters, plane
-        The model, and the window from which initial conditions are drawn.
+    parameters, plane, initial_conditions, seed
+        The model, the window from which initial conditions are drawn, how many, and their seed.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
         Impacts after which a trajectory is unsettled, and for which nothing may leave a chaotic
         attractor.
-    initial_conditions, seed : int
-        How many are drawn, and the seed.
     **options
         As `Work` explains them.
 

@@ -31,12 +31,10 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
 
     Parameters
     ----------
-    parameters : Parameters
-        The model, but for alpha.
-    alphas : tuple of float
-        Window of the amplitude [1].
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, alphas
+        The model, and the window of its amplitude [1].
+    plane, seed
+        The window from which initial conditions are drawn, and their seed.
     columns, trajectories : int
         Amplitudes, and trajectories at each.
     keep : int
@@ -45,8 +43,6 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         A chaotic attractor lasts where trajectories stay for this number of impacts.
     tolerance : float
         Of the ends of chaotic attractors, in alpha [1].
-    seed : int
-        Of the initial conditions.
     **options
         As `Work` explains them.
 

@@ -42,21 +42,17 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
 
     Parameters
     ----------
-    parameters : Parameters
-        The model, but for alpha.
-    alphas : tuple of float
-        Before and beyond the crisis [1].
-    plane : Plane, optional
-        The window from which initial conditions are drawn; by default at s = -0.5, as off the
-        walls hardly any sticks: those that do all go on as one trajectory.
+    parameters, alphas
+        The model, and its amplitudes before and beyond the crisis [1].
+    plane, seed
+        The window from which initial conditions are drawn, and their seed; by default it lies at
+        s = -0.5, as off the walls hardly any sticks: those that do all go on as one trajectory.
     beyond : tuple of float
         Distances from the crisis at which escapes are timed [1].
     rates, escapes : int
         Amplitudes at which they are, and how many at each.
     skip, limit : int
         Escapes before this do not count, and after this a trajectory is given up [impacts].
-    seed : int
-        Of the initial conditions.
     **options
         As `Work` explains them.
 

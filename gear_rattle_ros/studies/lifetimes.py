@@ -206,10 +206,11 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
 
 def escape_of(dataset: Dataset) -> Escape:
     """Read the estimate of a dataset."""
-    values: dict[str, Any] = {field.name: dataset.attrs[f'escape_{field.name}']
-                              for field in dataclasses.fields(Escape)}
-    return Escape(**{name: float(value) if isinstance(value, str) else value
-                     for name, value in values.items()})
+    values: dict[str, Any] = {
+        field.name: float(value) if isinstance(
+            value := dataset.attrs[f'escape_{field.name}'], str) else value
+        for field in dataclasses.fields(Escape)}
+    return Escape(**values)
 
 
 def describe(dataset: Dataset) -> str:

@@ -28,7 +28,7 @@ NAME = 'orbit_diagram'
 
 
 def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
-                  plane: Plane | None = None, *, columns: int = 780, trajectories: int = LANES,
+                  plane: Plane | None = None, *, columns: int = 780, trajectories: int = 32,
                   keep: int = 2048, hold: int = Window.hold, bins: int = 900,
                   bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
                   sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]
@@ -40,12 +40,10 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
 
     Parameters
     ----------
-    parameters : Parameters
-        The model, but for alpha.
-    alphas : tuple of float
-        Window of the amplitude [1].
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, alphas
+        The model, and the window of its amplitude [1].
+    plane, seed
+        The window from which initial conditions are drawn, and their seed.
     columns, trajectories : int
         Amplitudes, and trajectories at each.
     keep : int
@@ -55,8 +53,6 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
         chaotic attractor.
     bins, bin_window
         Bins of the velocity, and their window [1].
-    seed : int
-        Of the initial conditions.
     sweeps : tuple of str
         Of 'starts' (many initial conditions at each alpha), 'up' and 'down' (followed).
     **options

@@ -35,16 +35,14 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
 
     Parameters
     ----------
-    parameters, plane
-        The model, and the window from which initial conditions are drawn.
+    parameters, plane, seed
+        The model, the window from which initial conditions are drawn, and their seed.
     trajectories, skip, keep : int
         Trajectories, and the impacts of each that are passed over and then counted.
     bins : tuple of int
         Along phase and velocity.
     bin_window : tuple of float
         Velocities that are counted [1].
-    seed : int
-        Of the initial conditions.
     **options
         As `Work` explains them.
 
