@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .engine import run_tiles
-from .listing import listed
+from .listing import listed, named
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -35,8 +35,7 @@ from ..core.many.settling import (
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 
-# Initial conditions of one call of the kernel, fewer where they take so many impacts: it cannot
-# be stopped.
+# Initial conditions and impacts of one call of the kernel at most: it cannot be stopped.
 BATCH: Final = 250
 BATCH_IMPACTS: Final = 2_000_000
 
@@ -62,24 +61,10 @@ class Attractor:
     """
     One attractor, or what has settled on none.
 
-    Attributes
-    ----------
-    key : str
-        Its name, the same in every run: that of a periodic orbit is made of its period and its
-        first point, that of a chaotic one of the shortest periodic orbit in it.
-    kind : Kind
-        What it is.
-    label : int
-        Its number.
-    orbit : Orbit or None
-        Where it is periodic.
-    chaos : ChaoticSet or None
-        Where it is chaotic.
-    settled : int
-        Random initial conditions that have settled on it.
-    share, share_error : float
-        Their part of all, with the standard error of a binomial share [1].
-
+    `key` is the same in every run: that of a periodic orbit is made of its period and its first
+    point, that of a chaotic one of the shortest periodic orbit in it. `settled` counts the random
+    initial conditions that have settled on it; `share` is their part of all, with the standard
+    error of a binomial share [1].
     """
 
     key: str
@@ -165,29 +150,13 @@ class Catalogue:
     """
     The attractors at given parameters.
 
-    Attributes
-    ----------
-    parameters : Parameters
-        Of the model.
-    tolerance : float
-        Largest distance of a trajectory that is on its orbit [1].
-    hold : int
-        Impacts for which nothing that is called an attractor was left, and after which what has
-        not settled is unsettled.
-    orbits : tuple of Orbit
-        Periodic ones, in the order of their keys; their labels are 0, 1, ...
-    chaotic : tuple of ChaoticSet
-        Chaotic ones, in the order of their keys; their labels come next.
-    stay : int
-        Impacts in the boxes of a chaotic attractor after which a trajectory has settled on it.
-    labels : ndarray of int, shape (n,)
-        Label of every random initial condition of the search.
-    states : ndarray of START, shape (n,)
-        Where each of them was when it had settled, or was given up.
-    late : tuple of Orbit
-        Orbits found after the search, in the order in which they were found; their labels are the
-        last.
-
+    `tolerance` is the largest distance of a trajectory that is on its orbit [1]. For `hold`
+    impacts nothing that is called an attractor was left, and after them what has not settled is
+    unsettled; a trajectory has settled on a chaotic attractor after `stay` impacts in its boxes.
+    `orbits` and then `chaotic` attractors, in the order of their keys, have the labels 0, 1, ...;
+    the last are those of `late`, orbits found after the search in the order in which they were
+    found. `labels` and `states` are those of the random initial conditions of the search: where
+    each was when it had settled, or was given up.
     """
 
     parameters: Parameters
@@ -255,126 +224,102 @@ class Catalogue:
         return make_table(orbits, self.tolerance, numbers=numbers, boxes=boxes,
                           box_speed=self.chaotic[0].speed, stay=self.stay)
 
-    def label(self, starts: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
+    def label(self, initial: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
         """
-        Follow initial conditions until they settle.
+        Follow initial conditions until they settle, for at most `cap` impacts, `hold` by default.
 
-        Parameters
-        ----------
-        starts : ndarray of START, shape (n,)
-            The initial conditions.
-        cap : int, optional
-            Impacts after which one is unsettled; `hold` by default.
-        **settings
-            As `follow` takes them.
-
-        Returns
-        -------
-        ndarray of RESULT, shape (n,)
-            Labels, lifetimes [impacts], and the states of those that are unsettled.
-
+        Returns their RESULT: labels, lifetimes [impacts], and the states of those that are
+        unsettled; `settings` are those of `follow`.
         """
-        return follow(starts, cap or self.hold, self.table, **settings)
+        return follow(initial, cap or self.hold, self.table, **settings)
 
 
 def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
     """Lay attractors out as the arrays of a dataset: dimensions, values, attributes by name."""
-    one = ('attractor',)
-    table: TableOfArrays = {}
-    for name, words in (
-        ('key', 'name of the attractor'),
-        ('kind', 'periodic, chaotic, resting, floating or unsettled'),
-        ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
-        ('drive_periods', 'drive periods of a period'),
-        ('pieces', 'parts visited in turn on one wall'),
-        ('exact_sum', 'exact sum of the exponents'),
-        ('settled', 'random initial conditions settled on it'),
-        ('share', 'share of the random initial conditions'),
-        ('share_error', 'standard error of the share'),
-    ):
-        column = [getattr(each, name) for each in attractors]
-        table[f'attractor_{name}'] = (
-            one, np.array([value.value if isinstance(value, Kind) else value for value in column]),
-            {'long_name': words, 'units': '' if name in ('key', 'kind') else '1'})
-    multipliers = np.array([each.multipliers for each in attractors]).reshape(-1, 2)
-    pair = ('attractor', 'pair')
-    for name, values, words in (
-        ('multiplier_real', multipliers.real, 'multipliers of a period, real part'),
-        ('multiplier_imaginary', multipliers.imag, 'multipliers of a period, imaginary part'),
-        ('exponent', np.array([each.exponents for each in attractors]).reshape(-1, 2),
-         'Lyapunov exponents per impact'),
-        ('exponent_error', np.array([each.errors for each in attractors]).reshape(-1, 2),
-         'standard errors of the exponents'),
-    ):
-        table[f'attractor_{name}'] = (pair, values, {'long_name': words, 'units': '1'})
-    orbits = [each for each in attractors if each.orbit]
-    points = np.concatenate([np.zeros((0, 4)), *(np.column_stack(
-        [each.points(), each.orbit.flight_times]) for each in orbits if each.orbit)])
-    owners = [each.label for each in orbits for _ in range(each.impacts)]
-    for index, (name, words, units) in enumerate((
-        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the impact', 'rad'),
-        ('velocity', 'velocity before the impact', '1'),
-        ('flight_time', 'time since the impact before', '1'),
-    )):
-        table[f'point_{name}'] = (('point',), points[:, index],
-                                  {'long_name': words, 'units': units})
-    table['point_label'] = (('point',), np.array(owners, np.int64),
-                            {'long_name': 'attractor of the point', 'units': '1'})
-    boxes = [(each, each.points()) for each in attractors if each.chaos]
-    centres = np.concatenate([np.zeros((0, 3)), *(points for _, points in boxes)])
-    for index, (name, words, units) in enumerate((
-        ('wall', 'wall: 0 upper, 1 lower', '1'), ('phase', 'drive phase of the centre', 'rad'),
-        ('velocity', 'velocity before the impact, of the centre', '1'),
-    )):
-        table[f'box_{name}'] = (('box',), centres[:, index], {'long_name': words, 'units': units})
-    table['box_label'] = (('box',), np.repeat(
-        np.array([each.label for each, _ in boxes], np.int64),
-        [len(points) for _, points in boxes]), {
-            'long_name': 'chaotic attractor that visits the box', 'units': '1'})
-    return table
+    multipliers, exponents, errors = (
+        np.array([getattr(each, name) for each in attractors]).reshape(-1, 2)
+        for name in ('multipliers', 'exponents', 'errors'))
+    points = [(each.label, np.column_stack([each.points(), each.orbit.flight_times]))
+              for each in attractors if each.orbit]
+    boxes = [(each.label, each.points()) for each in attractors if each.chaos]
+    owners, boxes_of = (np.repeat(np.array([label for label, _ in found], np.int64),
+                                  [len(rows) for _, rows in found]) for found in (points, boxes))
+    point, box = (np.concatenate([np.zeros((0, width)), *(rows for _, rows in found)]).T
+                  for found, width in ((points, 4), (boxes, 3)))
+    return {name: (tuple(dimensions.split()), values, named(words, units))
+            for dimensions, name, values, words, units in (
+        *(('attractor', f'attractor_{name}',
+           np.array([getattr(each, name) for each in attractors]), words, '1') for name, words in (
+            ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
+            ('drive_periods', 'drive periods of a period'),
+            ('pieces', 'parts visited in turn on one wall'),
+            ('exact_sum', 'exact sum of the exponents'),
+            ('settled', 'random initial conditions settled on it'),
+            ('share', 'share of the random initial conditions'),
+            ('share_error', 'standard error of the share'))),
+        ('attractor', 'attractor_key', np.array([each.key for each in attractors]),
+         'name of the attractor', ''),
+        ('attractor', 'attractor_kind', np.array([each.kind.value for each in attractors]),
+         'periodic, chaotic, resting, floating or unsettled', ''),
+        ('attractor pair', 'attractor_multiplier_real', multipliers.real,
+         'multipliers of a period, real part', '1'),
+        ('attractor pair', 'attractor_multiplier_imaginary', multipliers.imag,
+         'multipliers of a period, imaginary part', '1'),
+        ('attractor pair', 'attractor_exponent', exponents, 'Lyapunov exponents per impact', '1'),
+        ('attractor pair', 'attractor_exponent_error', errors,
+         'standard errors of the exponents', '1'),
+        ('point', 'point_wall', point[0], 'wall: 0 upper, 1 lower', '1'),
+        ('point', 'point_phase', point[1], 'drive phase of the impact', 'rad'),
+        ('point', 'point_velocity', point[2], 'velocity before the impact', '1'),
+        ('point', 'point_flight_time', point[3], 'time since the impact before', '1'),
+        ('point', 'point_label', owners, 'attractor of the point', '1'),
+        ('box', 'box_wall', box[0], 'wall: 0 upper, 1 lower', '1'),
+        ('box', 'box_phase', box[1], 'drive phase of the centre', 'rad'),
+        ('box', 'box_velocity', box[2], 'velocity before the impact, of the centre', '1'),
+        ('box', 'box_label', boxes_of, 'chaotic attractor that visits the box', '1'))}
 
 
 def go_on() -> None:
     """Give nothing up."""
 
 
-def follow(starts: RecordArray, cap: int, table: Table, *, threads: int | None = None,
+def follow(initial: RecordArray, cap: int, table: Table, *, threads: int | None = None,
            cluster: str | None = None, check: Any = go_on) -> RecordArray:
     """
     Follow initial conditions until they settle, for at most `cap` impacts; return their RESULT.
 
     `check` is called after each batch and raises to give up.
     """
-    results = np.zeros(len(starts), RESULT)
+    results = np.zeros(len(initial), RESULT)
     # At least two batches, for as many threads.
-    size = min(max(min(BATCH_IMPACTS // cap, -(-len(starts) // 2)), LANES), BATCH)
+    size = min(max(min(BATCH_IMPACTS // cap, -(-len(initial) // 2)), LANES), BATCH)
 
     def keep(batch: int, settled: RecordArray) -> None:
         results[batch * size:(batch + 1) * size] = settled
         check()
 
-    run_tiles(functools.partial(_follow_batch, starts, size, cap, table),
-              range(-(-len(starts) // size)), keep, cluster=cluster, threads=threads)
+    run_tiles(functools.partial(_follow_batch, initial, size, cap, table),
+              range(-(-len(initial) // size)), keep, cluster=cluster, threads=threads)
     return results
 
 
-def _follow_batch(starts: RecordArray, size: int, cap: int, table: Table, batch: int
+def _follow_batch(initial: RecordArray, size: int, cap: int, table: Table, batch: int
                   ) -> RecordArray:
-    part = starts[batch * size:(batch + 1) * size]
+    part = initial[batch * size:(batch + 1) * size]
     results = np.zeros(len(part), RESULT)
     follow_here(part, cap, table, results)
     return results
 
 
-def follow_here(starts: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
+def follow_here(initial: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
     """Follow initial conditions in this thread into `results`; return the impacts made."""
-    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), starts, cap,
+    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), initial, cap,
                         table, results))
 
 
-def moved(starts: RecordArray, results: RecordArray) -> RecordArray:
+def moved(initial: RecordArray, results: RecordArray) -> RecordArray:
     """Return initial conditions where they were when they were given up as unsettled."""
-    states = starts.copy()
+    states = initial.copy()
     for name in ('phase', 'displacement', 'velocity'):
         states[name] = results[name]
     return states

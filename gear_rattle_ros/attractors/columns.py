@@ -61,14 +61,14 @@ class Branch:
     exact_sum: float
 
 
-def find_branches(parameters: Parameters, starts: RecordArray, window: Window,
+def find_branches(parameters: Parameters, initial: RecordArray, window: Window,
                   known: tuple[Orbit, ...] = ()) -> tuple[Catalogue, list[Branch]]:
     """
     Find the attractors at one alpha, knowing the orbits at a neighbouring one.
 
     The branch with most trajectories comes first; known orbits that are reached by none come last.
     """
-    catalogue = find_attractors(parameters, starts, hold=window.hold, known=known, effort=SWEEP,
+    catalogue = find_attractors(parameters, initial, hold=window.hold, known=known, effort=SWEEP,
                                 threads=1)
     found = sorted(catalogue.attractors, key=lambda each: (-each.settled, each.key))
     return catalogue, [_branch(each, catalogue, window) for each in found]

@@ -8,7 +8,7 @@ import threading
 from typing import Any, Final, TypeVar
 
 Result = TypeVar('Result')
-# A tile is tried again so often when its workers die.
+# Times that a tile is tried again when its workers die.
 RETRIES: Final = 5
 # How long a scheduler may take to answer [s].
 PATIENCE: Final = 10.0
@@ -32,10 +32,10 @@ def run_tiles(work: Callable[[int], Result], tiles: Sequence[int],
     Do a piece of work for every tile, on threads of this process or on a Dask cluster.
 
     `work` takes the number of a tile, on which alone it depends, stores what it computes and
-    returns something small; on a cluster it is pickled. `finished` is told of every tile in this
-    thread, in the order in which they end. An exception of `work` or Ctrl-C ends the run: what is
-    still running is abandoned. EngineError says that the cluster cannot be reached, or kills a
-    tile's workers again and again.
+    returns something small; on a cluster it is pickled. `finished` is called for every tile in
+    this thread, in the order in which they end. An exception of `work` or Ctrl-C ends the run:
+    what is still running is abandoned. EngineError where the cluster cannot be reached, or a
+    tile's workers die again and again.
     """
     if not tiles:
         return

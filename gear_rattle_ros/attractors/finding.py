@@ -29,14 +29,14 @@ from ..core.model import Parameters
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
 from ..core.orbits.section import distances, shortest_recurrence
 
-# So many times `hold` impacts must stay on a chaotic attractor.
+# A chaotic attractor must keep trajectories for this many times `hold` impacts.
 CONFIRMED: Final = 32
-# A largest exponent is positive if it is so many standard errors from zero.
+# A largest exponent is positive if it exceeds zero by this many standard errors.
 SIGNIFICANT: Final = 5.0
 # Impacts in the boxes after which a trajectory is taken to be on a chaotic attractor: as few as
 # are certain to be enough, from the first of these.
 STAYS: Final = (128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)
-# Sets of boxes that are told apart by their numbers in one byte.
+# Sets of boxes whose numbers fit in one byte.
 SETS_MOST: Final = 60
 # Impacts of each trajectory that are kept at the most; what is wanted beyond is only followed.
 TRACED: Final = 40_000
@@ -50,19 +50,19 @@ def conserves_areas(model: Parameters | np.recarray[Any, Any]) -> Any:
     return (model.restitution == 1.0) & (model.beta == 0.0)
 
 
-def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *,
+def find_attractors(parameters: Parameters, initial: RecordArray | None = None, *,
                     tolerance: float = TOLERANCE, hold: int = HOLD, chaotic: bool = True,
                     known: tuple[Orbit, ...] = (), effort: Effort = THOROUGH,
                     threads: int | None = None, cluster: str | None = None,
                     check: Check = go_on) -> Catalogue:
     """
-    Find the attractors that initial conditions reach.
+    Find the attractors that initial conditions reach; none where areas are kept.
 
     Parameters
     ----------
     parameters : Parameters
-        Of the model.
-    starts : ndarray of START, shape (n,), optional
+        The model.
+    initial : ndarray of START, shape (n,), optional
         By default `INITIAL_CONDITIONS` random ones of the default plane. The result does not
         depend on where they are followed.
     tolerance : float
@@ -71,31 +71,24 @@ def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *
         Impacts after which what has not settled is unsettled, and for which nothing may leave
         what is called a chaotic attractor.
     chaotic : bool
-        Whether what is left is looked at for chaotic attractors.
+        Whether chaotic attractors are searched for among what is left.
     known : tuple of Orbit
         Orbits at nearby parameters: a first guess, which saves time and finds thin basins.
     effort : Effort
-        How long chaotic sets are looked at.
-    threads : int, optional
-        How many; by default one for each processor.
-    cluster : str, optional
-        Address of a Dask scheduler that follows the initial conditions instead.
+        How long chaotic sets are followed.
+    threads, cluster : optional
+        As `run_tiles` takes them.
     check : callable
         Called every few tenths of a second at least; raises to give up.
 
-    Returns
-    -------
-    Catalogue
-        What was found; empty where areas are kept.
-
     """
-    if starts is None:
-        starts = Plane().draw(parameters, INITIAL_CONDITIONS, SEED)
+    if initial is None:
+        initial = Plane().draw(parameters, INITIAL_CONDITIONS, SEED)
     catalogue = Catalogue(parameters, tolerance, hold,
-                          labels=np.full(len(starts), UNSETTLED, np.int64), states=starts)
+                          labels=np.full(len(initial), UNSETTLED, np.int64), states=initial)
     if conserves_areas(parameters):
         return catalogue
-    search = _Search(catalogue, starts, {'threads': threads, 'cluster': cluster, 'check': check})
+    search = _Search(catalogue, initial, {'threads': threads, 'cluster': cluster, 'check': check})
     search.add(carried(known, parameters, tolerance))
     last = effort.stages[-1]
     for until, count, longest in (*(stage for stage in effort.stages if stage[0] < hold),
@@ -118,17 +111,17 @@ def find_attractors(parameters: Parameters, starts: RecordArray | None = None, *
 class _Search:
     """A search under way: in `followed` impacts those numbered in `left` have not settled."""
 
-    def __init__(self, catalogue: Catalogue, starts: RecordArray, settings: dict[str, Any]
+    def __init__(self, catalogue: Catalogue, initial: RecordArray, settings: dict[str, Any]
                  ) -> None:
         self._plain = catalogue
-        self._starts, self._states = starts, starts.copy()
+        self._initial, self._states = initial, initial.copy()
         self._settings = settings
         self._orbits: dict[str, Orbit] = {}
         self._chaos: tuple[ChaoticSet, ...] = ()
         self._stay = 0
-        self._homes = np.full(len(starts), '', object)
+        self._homes = np.full(len(initial), '', object)
         self._labels = catalogue.labels.copy()
-        self.left = np.arange(len(starts))
+        self.left = np.arange(len(initial))
         self.followed = 0
 
     @property
@@ -153,7 +146,7 @@ class _Search:
                                    stay=self._stay, labels=labels, states=self._states)
 
     def follow_to(self, impacts: int) -> None:
-        """Follow what is left until it has made so many impacts."""
+        """Follow what is left until it has made this number of impacts."""
         if impacts <= self.followed or not len(self.left):
             return
         catalogue = self.catalogue()
@@ -198,7 +191,7 @@ class _Search:
         """Let what is left settle on sets that nothing leaves, and find how soon it may."""
         tried = dataclasses.replace(self.catalogue(), chaotic=tuple(sets))
         known = len(tried.orbits)
-        elsewhere = self._starts[np.setdiff1d(np.arange(len(self._starts)), self.left)]
+        elsewhere = self._initial[np.setdiff1d(np.arange(len(self._initial)), self.left)]
         for stay in STAYS:
             if not tried.chaotic or stay > self._plain.hold:
                 return
@@ -229,7 +222,7 @@ def orbits_among(parameters: Parameters, states: RecordArray, count: int, longes
     """
     Find the stable periodic orbits of at most `longest` impacts that trajectories approach.
 
-    Of each trajectory `count` impacts are looked at; the orbits come in the order of their keys.
+    Each trajectory is followed for `count` impacts; the orbits come in the order of their keys.
     """
     found: dict[str, Orbit] = {}
     for first in range(0, len(states), BATCH):

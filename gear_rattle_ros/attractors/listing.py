@@ -6,6 +6,11 @@ from typing import Any
 from ..core.words import counted, in_columns
 
 
+def named(long_name: str, units: str | None = '1') -> dict[str, str]:
+    """Return the attributes of an array of a dataset."""
+    return {'long_name': long_name} | ({} if units is None else {'units': units})
+
+
 def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None) -> str:
     """
     List attractors, numbered as in the dataset and in every picture.

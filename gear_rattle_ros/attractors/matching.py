@@ -13,7 +13,7 @@ from ..core.orbits.section import turn
 
 # Attractors whose points lie further apart than this are not the same one, moved [1].
 FAR: Final = 0.35
-# Distances that differ by less say nothing [1].
+# Distances that differ by less count as equal [1].
 ALIKE: Final = 0.05
 # Points of a chaotic attractor that are compared.
 MOST: Final = 400

@@ -1,4 +1,4 @@
-"""The plane of initial conditions: windows, cells, starts."""
+"""The plane of initial conditions: windows and cells."""
 
 import dataclasses
 import math
@@ -23,22 +23,9 @@ class Plane:
     """
     A window of a plane of constant displacement, cut into cells.
 
-    Attributes
-    ----------
-    displacement : float
-        Of every start [1], in [-1, 0].
-    phase : tuple of float
-        Window of the drive phase [rad]; may lie anywhere, at most 2 pi wide.
-    velocity : tuple of float
-        Window of the velocity [1].
-    phases, velocities : int
-        Number of cells along each.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range or a window is empty or reversed.
-
+    All initial conditions have the `displacement` [1], in [-1, 0]. The windows of the drive
+    `phase` [rad], at most 2 pi wide, and of the `velocity` [1] are cut into `phases` and
+    `velocities` cells. ValueError where a value is out of range or a window empty or reversed.
     """
 
     displacement: float = 0.0
@@ -82,24 +69,7 @@ class Plane:
                                        np.repeat(v, len(p)))
 
     def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
-        """
-        Draw initial conditions uniformly from the window; their first do not depend on the count.
-
-        Parameters
-        ----------
-        parameters : Parameters
-            Of every trajectory.
-        count : int
-            How many.
-        seed : int
-            The first starts are the same whatever the count.
-
-        Returns
-        -------
-        ndarray of START, shape (count,)
-            In the order in which they were drawn.
-
-        """
+        """Draw START uniformly from the window; the first do not depend on the `count`."""
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
         return make_initial_conditions(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,
@@ -116,14 +86,20 @@ class Plane:
 def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
                             displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> StartArray:
     """Put initial conditions (phases of any size) and parameters together, as START."""
-    starts = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
+    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
     turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
-    starts['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
-    starts['displacement'] = displacement
-    starts['velocity'] = velocities
+    initial['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
+    initial['displacement'] = displacement
+    initial['velocity'] = velocities
     for name, value in dataclasses.asdict(parameters).items():
-        starts[name] = value
-    return starts
+        initial[name] = value
+    return initial
+
+
+def at_parameters(parameters: Parameters, states: StartArray) -> StartArray:
+    """Return the initial conditions of states, at parameters of their own or at others."""
+    return make_initial_conditions(parameters, *(states[name] for name in (
+        'phase', 'displacement', 'velocity')))
 
 
 def _centres(window: tuple[float, float], count: int, first: int = 0,

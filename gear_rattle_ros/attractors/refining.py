@@ -3,7 +3,7 @@ Grids of initial conditions, coarse to fine: what the basin node, the explorer a
 
 A level is followed in rounds of impacts, in slices of a few milliseconds, so that the work can be
 dropped at any moment. It is shown when its time is over, as far as it is: what has not settled by
-then, or was not looked at, is unsettled in it. Orbits that no search has found are looked for
+then, or was not followed, is unsettled in it. Orbits that no search has found are looked for
 among what is left of a level, and all later levels know them.
 """
 
@@ -22,7 +22,7 @@ from ..core.many.chaotic_sets import GLANCE
 from ..core.many.settling import RecordArray, RESULT, Table, UNSETTLED
 from ..core.orbits.orbit import Orbit
 
-# The first level is left after so many impacts: it has to be quick.
+# Impacts after which the first level is left: it has to be quick.
 FIRST_CAP: Final = 400
 # Impacts of a slice, and its fewest initial conditions: two for each lane.
 SLICE: Final = 100_000
@@ -31,7 +31,7 @@ SLICE_LEAST: Final = 192
 GUESS: Final = 100.0
 # A round of no more impacts is made however late it is, but for the first level.
 CHEAP: Final = 6_000_000
-# What is left of a level is searched for orbits in so many places.
+# Initial conditions left of a level that are searched for orbits.
 LOOKED_AT: Final = 64
 SEED: Final = 1
 
@@ -47,11 +47,11 @@ class Level:
     [s]; `mean`: impacts of an initial condition in a round.
     """
 
-    def __init__(self, starts: RecordArray, shape: tuple[int, int], cap: int, *,
+    def __init__(self, initial: RecordArray, shape: tuple[int, int], cap: int, *,
                  seconds: float = math.inf, sure: float = math.inf, is_mixed: bool = False,
                  begun: 'Level | None' = None, slice_impacts: float = SLICE) -> None:
         self.cap, self.seconds, self.sure = cap, seconds, sure
-        self.states = starts
+        self.states = initial
         self.labels = np.full(shape, UNSETTLED, np.int16)
         self.lifetimes = np.zeros(shape, np.int32)
         if begun is not None:
@@ -59,15 +59,15 @@ class Level:
                 shape, begun.labels.shape, strict=True))
             self.labels = begun.labels[np.ix_(rows, columns)]
             self.lifetimes = begun.lifetimes[np.ix_(rows, columns)]
-        self.left = (np.random.default_rng(SEED).permutation(len(starts)) if is_mixed
-                     else np.arange(len(starts)))
+        self.left = (np.random.default_rng(SEED).permutation(len(initial)) if is_mixed
+                     else np.arange(len(initial)))
         # Where areas are kept nothing settles, and nothing is followed.
-        self.due = self.left[~conserves_areas(starts.view(np.recarray))[self.left]]
+        self.due = self.left[~conserves_areas(initial.view(np.recarray))[self.left]]
         self.rounds = self.impacts = 0
         self.spent, self.mean = 0.0, GUESS
         self._slice = slice_impacts
-        self._followed = np.zeros(len(starts), np.int32)
-        self._has_settled = np.zeros(len(starts), bool)
+        self._followed = np.zeros(len(initial), np.int32)
+        self._has_settled = np.zeros(len(initial), bool)
 
     @property
     def unsettled(self) -> float:
@@ -82,7 +82,7 @@ class Level:
         Returns the numbers of what was followed, and what became of it.
         """
         begin, due = time.monotonic(), self.due
-        starts, results = self.states[due], np.zeros(len(due), RESULT)
+        initial, results = self.states[due], np.zeros(len(due), RESULT)
         results['label'] = UNSETTLED
         threads = threads or threads_here()
         size = max(int(min(self._slice / min(self.mean, limit), -(-len(due) // threads))),
@@ -93,7 +93,7 @@ class Level:
             if time.monotonic() > until:
                 return 0
             part = slice(number * size, (number + 1) * size)
-            return follow_here(starts[part], int(limit), table, results[part])
+            return follow_here(initial[part], int(limit), table, results[part])
 
         made: list[int] = []
         run_tiles(work, range(-(-len(due) // size)), lambda _, impacts: made.append(impacts),
@@ -104,7 +104,7 @@ class Level:
         np.put(self.labels, seen, found['label'])
         np.put(self.lifetimes, seen, self._followed[seen] + found['lifetime'])
         self._followed[seen] += found['impacts'].astype(np.int32)
-        self.states[due[goes_on]] = moved(starts[goes_on], results[goes_on])
+        self.states[due[goes_on]] = moved(initial[goes_on], results[goes_on])
         self._has_settled[due[~is_left]] = True
         self.left, self.due = self.left[~self._has_settled[self.left]], due[~is_seen]
         if not len(self.due):

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from .matching import follow, Trace
 from ..core.arrays import FloatArray
 
-# An attractor may be missed over so many columns: few initial conditions may reach it, and windows
+# Columns over which an attractor may be missed: few initial conditions may reach it, and windows
 # interrupt chaos.
 GAP: Final = 5
 GAP_OF_CHAOS: Final = 40

@@ -1,8 +1,8 @@
 """
 Basins for somebody who watches: what is known at each level, and how much time it has.
 
-On a chaotic attractor nothing settles before it has stayed there for so many impacts that it
-cannot be a transient. Where that is the least number of a search, the levels before the last one
+On a chaotic attractor nothing settles before it has stayed there for too many impacts to be a
+transient. Where that is the least number of a search, the levels before the last one
 try fewer, of which no initial condition is seen to leave that has settled elsewhere in the first.
 """
 
@@ -28,9 +28,9 @@ from ..core.model import Parameters
 # Random initial conditions of the first look for attractors and of the second, and impacts for
 # which nothing may leave a chaotic attractor.
 GLANCED: Final = 48
-STARTS: Final = 256
+DRAWN: Final = 256
 HOLD: Final = 2_000
-# What takes longer to be told from a transient is left unsettled [impacts].
+# What takes longer to be distinguished from a transient is left unsettled [impacts].
 STAY_MOST: Final = 256
 # Shorter stays that are tried [impacts].
 STAYS_TRIED: Final = (16, 32, 64)
@@ -38,11 +38,11 @@ STAYS_TRIED: Final = (16, 32, 64)
 COARSEST: Final = 50
 # Time for a level, by the length of its edge at the most, after which it is shown [s].
 TIMES: Final = ((50, 0.04), (100, 0.08), (200, 0.12), (400, 0.5))
-# From this edge on a level goes on until all of it has been looked at [cells].
+# From this edge on a level goes on until all of it has been followed [cells].
 WHOLE_FROM: Final = 400
 # Impacts for which what has not settled is followed, again and again.
 ROUNDS: Final = (100, 300, 1_000, 3_000)
-# A level under way is shown again when so much of it has settled meanwhile.
+# A level under way is shown again when this share of it has settled meanwhile.
 NEWS: Final = 0.002
 
 
@@ -66,7 +66,7 @@ class Basins:
     is_complete: bool
 
     def share(self, label: int) -> float:
-        """Tell how much of the plane is of a label [1]."""
+        """Return the share of the plane that has a label [1]."""
         return float(np.mean(self.labels == label))
 
 
@@ -83,10 +83,10 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
     skip = GLANCE[0]
     drawn = Plane().draw(parameters, GLANCED, SEED)
     hinted = make_initial_conditions(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
-    starts = np.concatenate([hinted, drawn])
-    results = np.zeros(len(starts), RESULT)
-    follow_here(starts, skip, Catalogue(parameters).table, results)
-    states = moved(starts, results)[results['label'] == UNSETTLED]
+    initial = np.concatenate([hinted, drawn])
+    results = np.zeros(len(initial), RESULT)
+    follow_here(initial, skip, Catalogue(parameters).table, results)
+    states = moved(initial, results)[results['label'] == UNSETTLED]
     orbits = tuple(orbits_among(parameters, states, *GLANCE[1:], TOLERANCE))
     rows, _ = record_impacts(states, 0, 64)
     return (Catalogue(parameters, hold=skip, orbits=orbits, labels=results['label']),
@@ -106,11 +106,11 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
         return max(plane.phases, plane.velocities)
 
     def level_of(plane: Plane, cap: int, sure: float = math.inf) -> Level:
-        starts = plane.cells(parameters, slice(0, plane.velocities), slice(0, plane.phases))
+        initial = plane.cells(parameters, slice(0, plane.velocities), slice(0, plane.phases))
         if on_walls:
-            starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
+            initial['displacement'] = np.where(initial['velocity'] < 0.0, -1.0, 0.0)
         seconds = next((time for most, time in TIMES if edge_of(plane) <= most), math.inf)
-        return Level(starts, (plane.velocities, plane.phases), cap, seconds=seconds, sure=sure,
+        return Level(initial, (plane.velocities, plane.phases), cap, seconds=seconds, sure=sure,
                      is_mixed=True)
 
     def levels() -> Iterator[tuple[Level, Catalogue]]:
@@ -119,7 +119,7 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
         if len(planes) == 1:
             return
         certain = _without_slow_chaos(find_attractors(
-            parameters, planes[1].draw(parameters, STARTS, SEED), hold=HOLD,
+            parameters, planes[1].draw(parameters, DRAWN, SEED), hold=HOLD,
             threads=threads, effort=BRIEF, check=check)).with_orbits(seen.orbits)
         hastened = _hastened(certain, first.states[first.labels.ravel() >= 0], threads, check)
         for plane in planes[1:-1]:

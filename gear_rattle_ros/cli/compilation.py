@@ -12,7 +12,7 @@ from ..core.words import counted
 
 class Compilation(event.Listener):
     """
-    Report the first compilation; kernels that come from the cache are not worth a word.
+    Report the first compilation; kernels from the cache are not reported.
 
     On a terminal the kernels are counted as they are compiled.
     """

@@ -1,10 +1,8 @@
 """The command `lifetimes`."""
 
-import argparse
-
 from . import options
 from .refusal import Parser
-from .run import Command, Run
+from .run import Command
 from ..core import defaults
 
 
@@ -16,17 +14,10 @@ def _add_options(parser: Parser) -> None:
     parser.add_argument('--tail', type=options.whole(0), metavar='N',
                         help='impacts from which lifetimes are exponential; a tenth of the cap by '
                              'default')
-    parser.add_argument('--grey', action='store_true',
+    parser.add_argument('--grey', action='store_const', const='paper', dest='colours',
                         help="the same as --colours paper: the paper's linear grey scale")
-
-
-def _work(given: argparse.Namespace, run: Run) -> None:
-    from ..studies.lifetimes import describe, lifetimes
-    dataset = lifetimes(options.model_of(given), options.plane_of(given), tail=given.tail,
-                        **options.chosen(given, *options.GRID), **run.work)
-    run.finish(dataset, describe(dataset), **{'colours': 'paper'} if given.grey else {})
 
 
 main = Command('lifetimes', 'Find how long every initial condition of a grid is transient. Chaos '
                'counts as transient: only an orbit or rest ends it.', 'lifetimes-{alpha:g}.zarr',
-               _add_options, _work)
+               _add_options)

@@ -23,7 +23,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def attempt(name: str, action: Callable[[], int], *refusals: type[Exception]) -> int:
-    """Run a command; exit status 2 after one line that says what is wrong, 130 after Ctrl-C."""
+    """Run a command; exit status 2 after one line that names what is wrong, 130 after Ctrl-C."""
     refused: tuple[type[Exception], ...] = (MemoryError, ValueError, *refusals)
     try:
         return action()

@@ -7,19 +7,19 @@ Nothing but the standard library is imported before the options are read, so tha
 import argparse
 from collections.abc import Callable, Sequence
 import dataclasses
+import importlib
+import inspect
 import os
 from pathlib import Path
 import shlex
 import sys
 from typing import Any, Final, TYPE_CHECKING
 
-from .options import number, whole
+from .options import model_of, number, plane_of, whole
 from .refusal import attempt, INTERRUPTED, Parser
 
 if TYPE_CHECKING:
-    import xarray
-
-    from ..studies.work import WorkOptions
+    from ..attractors.plane import Plane
 
 PACKAGE: Final = 'gear_rattle_ros'
 # Endings of pictures.
@@ -27,84 +27,69 @@ PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
-    """
-    How a command runs and where its results go.
-
-    `command` is the command line as one would type it again, `output` the store, `picture` what is
-    drawn of it and `looks` how; `cluster` is the address of a Dask scheduler.
-    """
-
-    name: str
-    command: str
-    output: Path
-    resume: bool = False
-    cluster: str | None = None
-    threads: int | None = None
-    picture: Path | None = None
-    looks: dict[str, Any] = dataclasses.field(default_factory=dict)
-
-    @property
-    def work(self) -> 'WorkOptions':
-        """Return what a study has to know of it."""
-        return {'store': self.output, 'resume': self.resume, 'cluster': self.cluster,
-                'threads': self.threads, 'command': self.command, 'progress': True}
-
-    def finish(self, dataset: 'xarray.Dataset', words: str, **looks: Any) -> None:
-        """Print what was found and where everything is; draw the picture if one is asked for."""
-        print(words)
-        print(self.output)
-        if self.picture is not None:
-            from ..figures.draw import save
-            for path in save(dataset, self.picture, **self.looks | looks):
-                print(path)
-
-    def numbered(self, number: int) -> 'Run':
-        """Return one of several runs, whose store and picture have its number in their names."""
-        def name(path: Path) -> Path:
-            return path.with_name(f'{path.stem}-{number}{path.suffix}')
-
-        return dataclasses.replace(self, output=name(self.output),
-                                   picture=self.picture and name(self.picture))
-
-
-@dataclasses.dataclass(frozen=True)
 class Command:
     """
-    A command that runs a study; called with its arguments it returns the exit status.
+    A command that runs the study of its name; called with its arguments it returns the status.
 
-    `output` is the default name of the store, with options in braces, such as ``{alpha:g}``.
+    `output` is the default name of the store, with options in braces, such as ``{alpha:g}``. An
+    option whose name is that of a keyword of the study is passed to it; `keywords` replace some.
+    It is run for each of the `planes`; `looks` are added to those of the picture.
     """
 
     name: str
     description: str
     output: str
     add_options: Callable[[Parser], None]
-    work: Callable[[argparse.Namespace, Run], None]
+    keywords: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
+    looks: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
+    planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:
-        """Return 0, 2 after one line that says what is wrong, or 130 after Ctrl-C."""
+        """Return 0, 2 after one line that names what is wrong, or 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else list(arguments)
         parser = Parser(self.name, description=self.description)
         self.add_options(parser)
         _add_run(parser)
         given = parser.parse_args(words)
+        command = shlex.join(['ros2', 'run', PACKAGE, self.name, *words])
+        return attempt(self.name, lambda: self._run(given, command))
 
-        def action() -> int:
-            require_picture(given.picture)
-            run = Run(
-                self.name, shlex.join(['ros2', 'run', PACKAGE, self.name, *words]),
-                given.output or Path(self.output.format_map(vars(given))), given.resume,
-                given.cluster, given.threads, given.picture, looks_of(given))
+    def _run(self, given: argparse.Namespace, command: str) -> int:
+        require_picture(given.picture)
+        output = given.output or Path(self.output.format_map(vars(given)))
+        try:
             from .compilation import reporting_compilation
-            try:
-                with reporting_compilation(self.name, sys.stderr):
-                    self.work(given, run)
-                return 0
-            except KeyboardInterrupt:
-                return _report_stop(run)
+            with reporting_compilation(self.name, sys.stderr):
+                planes = self.planes(given)
+                for level, plane in enumerate(planes):
+                    number = f'-{level}' if len(planes) > 1 else ''
+                    path = output.with_name(f'{output.stem}{number}{output.suffix}')
+                    picture = given.picture and given.picture.with_name(
+                        f'{given.picture.stem}{number}{given.picture.suffix}')
+                    self._study(given, plane, path, picture, command)
+            return 0
+        except KeyboardInterrupt:
+            return _report_stop(self.name, output, command)
 
-        return attempt(self.name, action)
+    def _study(self, given: argparse.Namespace, plane: 'Plane', output: Path,
+               picture: Path | None, command: str) -> None:
+        module = importlib.import_module(f'..studies.{self.name}', __package__)
+        study = getattr(module, self.name)
+        takes = inspect.signature(study).parameters
+        keywords = {name: tuple(value) if isinstance(value, list) else value
+                    for name, value in vars(given).items() if name in takes}
+        if 'alphas' in takes:
+            keywords['alphas'] = tuple(given.alpha)
+        dataset = study(
+            model_of(given), plane=plane, **keywords | self.keywords(given), store=output,
+            resume=given.resume, cluster=given.cluster, threads=given.threads, command=command,
+            progress=True)
+        print(module.describe(dataset))
+        print(output)
+        if picture is not None:
+            from ..figures.draw import save
+            for path in save(dataset, picture, **looks_of(given) | self.looks(given)):
+                print(path)
 
 
 def _add_run(parser: Parser) -> None:
@@ -148,16 +133,16 @@ def require_picture(path: Path | None) -> None:
         raise ValueError(f'--picture {path} does not end in one of {" ".join(PICTURES)}')
 
 
-def _report_stop(run: Run) -> int:
+def _report_stop(name: str, output: Path, command: str) -> int:
     from ..core.words import counted
     from ..store.store import Store, StoreError
     try:
-        store = Store(run.output)
+        store = Store(output)
         total = len(store.tiles)
         done = total - len(store.pending())
     except StoreError:
         done = total = 0
-    resume = '' if '--resume' in shlex.split(run.command) else ' --resume'
-    print(f'{run.name}: stopped; {run.output} keeps {done:,} of {counted(total, "tile")}; go on '
-          f'with: {run.command}{resume}', file=sys.stderr)
+    resume = '' if '--resume' in shlex.split(command) else ' --resume'
+    print(f'{name}: stopped; {output} keeps {done:,} of {counted(total, "tile")}; go on '
+          f'with: {command}{resume}', file=sys.stderr)
     return INTERRUPTED

@@ -51,7 +51,7 @@ def draw(digest: Digest, name: str, **options: Any) -> Figure:
 
     def colour(alphas: FloatArray) -> FloatArray:
         share = MAP_END * norm(alphas)
-        return np.asarray(looks.map(MAP)(1.0 - share if looks.is_paper else share), np.float64)
+        return np.asarray(looks.scale(MAP)(1.0 - share if looks.is_paper else share), np.float64)
 
     draw_section(section, digest, colour)
     draw_words(words, digest)

@@ -2,20 +2,17 @@
 
 import dataclasses
 import json
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Catalogue, table_of
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.listing import listed
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
-from ..core.model import Parameters
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
 from ..store.layout import Layout
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'attractors'
 TITLE: Final = 'Attractors of the gear-rattling model'
@@ -24,30 +21,23 @@ TITLE: Final = 'Attractors of the gear-rattling model'
 def attractors(parameters: Parameters, plane: Plane | None = None, *,
                tolerance: float = TOLERANCE, hold: int = HOLD,
                initial_conditions: int = INITIAL_CONDITIONS, seed: int = SEED,
-               **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+               **options: Unpack[WorkOptions]) -> Dataset:
     """
     Find every attractor that random initial conditions reach, as a dataset.
 
+    The dataset has the arrays of `table_of`.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, plane, initial_conditions, seed
+        The model, the window from which initial conditions are drawn, how many, and their seed.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
         Impacts after which a trajectory is unsettled, and for which nothing may leave a chaotic
         attractor.
-    initial_conditions, seed : int
-        How many are drawn, and the seed.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        The arrays of `table_of`.
 
     """
     require_tolerance(tolerance)
@@ -63,12 +53,11 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset', cells: dict[int, int] | None = None, beside: str = ''
-             ) -> str:
+def describe(dataset: Dataset, cells: dict[int, int] | None = None, beside: str = '') -> str:
     """
     Put the attractors of a dataset in words, with the cells of a grid by label.
 
-    What is known `beside` them follows; where areas are kept, one line says all.
+    What is known `beside` them follows; where areas are kept, one line is all.
     """
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES
@@ -77,13 +66,13 @@ def describe(dataset: 'xarray.Dataset', cells: dict[int, int] | None = None, bes
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
 
-def parameters_of(dataset: 'xarray.Dataset') -> Parameters:
+def parameters_of(dataset: Dataset) -> Parameters:
     """Read the model of a dataset."""
     return Parameters(**{field.name: dataset.attrs[field.name]
                          for field in dataclasses.fields(Parameters)})
 
 
-def plane_of(dataset: 'xarray.Dataset') -> Plane:
+def plane_of(dataset: Dataset) -> Plane:
     """Read the plane of initial conditions of a dataset."""
     a = dataset.attrs
     return Plane(a['displacement'], tuple(a['phase_window']), tuple(a['velocity_window']),
@@ -116,3 +105,11 @@ def require_tolerance(tolerance: float) -> None:
     """Refuse a tolerance outside 1e-7 to 0.1 with a ValueError."""
     if not 1e-7 <= tolerance <= 0.1:
         raise ValueError(f'tolerance = {tolerance:g} is not between 1e-7 and 0.1')
+
+
+def require_window(alphas: tuple[float, float]) -> None:
+    """Refuse a window of alpha that is out of range, empty or reversed with a ValueError."""
+    low, high = (require_finite('alpha', alpha, 0.0, ALPHA_MAXIMUM) for alpha in alphas)
+    if not low < high:
+        raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the lower '
+                         'end first')

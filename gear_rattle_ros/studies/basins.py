@@ -1,7 +1,7 @@
 """On which attractor every initial condition of a grid settles, and how soon."""
 
 import dataclasses
-from typing import Final, TYPE_CHECKING, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from .attractors import (
     write_attractors,
 )
 from .grid import compute_grid, grid_layout
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane
@@ -21,9 +21,6 @@ from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'basins'
 TITLE: Final = 'Basins of attraction of the gear-rattling model'
@@ -50,16 +47,16 @@ class Settings:
 def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BASINS_CAP,
            tolerance: float = TOLERANCE, initial_conditions: int = INITIAL_CONDITIONS,
            seed: int = SEED, hold: int = HOLD, tile: int | None = None,
-           **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+           **options: Unpack[WorkOptions]) -> Dataset:
     """
     Find on which attractor every cell of a plane settles.
 
+    The dataset has `label` and `lifetime` [impacts] of every cell, and the attractors.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The cells.
+    parameters, plane
+        The model and the cells.
     cap : int
         Impacts after which a cell is unsettled.
     tolerance : float
@@ -72,11 +69,6 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
         Cells along the edge of a tile.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        `label` and `lifetime` [impacts] of every cell, and the attractors.
 
     """
     settings = Settings(cap, tolerance, initial_conditions, seed, hold, tile=tile)
@@ -102,7 +94,7 @@ def compute_basins(parameters: Parameters, plane: Plane, work: Work, settings: S
     return store, catalogue
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put basins in words: the attractors with their cells, and what is unsettled."""
     labels, numbers = np.unique(dataset['label'].values, return_counts=True)
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))

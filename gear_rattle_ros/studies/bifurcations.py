@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .diagram import Diagram, KINDS
-from .endings import End, Escape, find_end, Herd, spread_out, watch
+from .endings import Captor, End, find_end, Herd, spread_out, watch
 from ..attractors.catalogue import Kind
 from ..attractors.plane import make_initial_conditions
 from ..core.many.recorded import record_impacts
@@ -24,14 +24,14 @@ CHAOTIC: Final = KINDS.index(Kind.CHAOTIC.value)
 # Doublings followed of each orbit, and the longest period [impacts].
 DOUBLINGS: Final = 7
 LONGEST: Final = 256
-# Orbits are followed so far outside the window for their beginning and their end [1].
+# Distance outside the window to which orbits are followed for their birth and their end [1].
 OUTSIDE: Final = 0.2
-# Two orbits are one where their points agree to this [rad, 1]; at a change they part as a root.
+# Two orbits are one where their points agree to this [rad, 1]; at a change they diverge as a root.
 SAME: Final = 1e-6
 SAME_CHANGE: Final = 1e-4
-# An orbit is stable or not so far beside a change, in alpha [1].
+# Distance in alpha beside a change at which the stability of an orbit is decided [1].
 BESIDE: Final = 1e-6
-# To follow a chaotic attractor counts as so many orbits.
+# To follow a chaotic attractor takes as long as this number of orbits.
 FOLLOWING: Final = 10
 
 
@@ -84,7 +84,7 @@ class Family:
     The stable orbits of a branch between two changes.
 
     `orbits`: in the order of alpha; `turns`: where it ends; `parent`: the family from which it
-    parts, -1 for none; `numbers`: of the attractors that were seen on it.
+    branches, -1 for none; `numbers`: of the attractors that were seen on it.
     """
 
     orbits: list[Orbit]
@@ -124,8 +124,8 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
     """
     Locate where the attractors of a diagram are born, double and end.
 
-    A periodic one ends where its branch does, so its branch is followed and no trajectory is
-    asked; a chaotic one is followed with its own states.
+    A periodic one ends where its branch does, so its branch is followed without any
+    trajectory; a chaotic one is followed with its own states.
     """
     ends: list[tuple[int, End]] = []
     families: list[Family] = []
@@ -139,7 +139,7 @@ def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
             _add(home, families, diagram)
         home.numbers.append(n)
 
-    def follow_chaos(n: int, herd: Herd | Escape | None, direction: float, edge: float) -> None:
+    def follow_chaos(n: int, herd: Herd | Captor, direction: float, edge: float) -> None:
         if not isinstance(herd, Herd):
             return
         width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
@@ -254,7 +254,7 @@ def _family(orbit: Orbit, directions: tuple[float, ...], diagram: Diagram, paren
 
 
 def _add(family: Family, families: list[Family], diagram: Diagram, depth: int = 0) -> None:
-    # With the families that part from it, one from another, inside the window.
+    # With the families that branch from it, one from another, inside the window.
     families.append(family)
     number = len(families) - 1
     for turn in family.turns:
@@ -275,7 +275,7 @@ def _add(family: Family, families: list[Family], diagram: Diagram, depth: int = 
 
 
 def _number(family: Family, families: list[Family]) -> int:
-    # Of the attractor seen on it most often, or on the one from which it parts.
+    # Of the attractor seen on it most often, or on the one from which it branches.
     while not family.numbers:
         family = families[family.parent]
     return max(sorted(set(family.numbers)), key=family.numbers.count)

@@ -1,21 +1,19 @@
 """Attractors and their shares followed across alpha; where each is born, doubles and ends."""
 
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
 from .bifurcations import Event, events_of, HEADING, searches_of
 from .diagram import Diagram
 from .orbit_diagram import compute
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.columns import Window
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, SEED
 from ..core.model import Parameters
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'continuation'
 # Of the velocities by which attractors are matched from alpha to alpha.
@@ -25,35 +23,28 @@ BINS: Final = 1200
 def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
                  plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
                  keep: int = 512, hold: int = HOLD, tolerance: float = 1e-7, seed: int = SEED,
-                 **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+                 **options: Unpack[WorkOptions]) -> Dataset:
     """
     Follow attractors and their shares across alpha; locate where they are born, double and end.
 
+    The dataset has what `orbit_diagram` has, and the events.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model, but for alpha.
-    alphas : tuple of float
-        Window of the amplitude [1].
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, alphas
+        The model, and the window of its amplitude [1].
+    plane, seed
+        The window from which initial conditions are drawn, and their seed.
     columns, trajectories : int
         Amplitudes, and trajectories at each.
     keep : int
-        Impacts of each that are looked at.
+        Impacts of each that are kept.
     hold : int
-        A chaotic attractor lasts where trajectories stay for so many impacts.
+        A chaotic attractor lasts where trajectories stay for this number of impacts.
     tolerance : float
         Of the ends of chaotic attractors, in alpha [1].
-    seed : int
-        Of the initial conditions.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        What `orbit_diagram` has, and the events.
 
     """
     if not 1e-12 <= tolerance <= 1e-2:
@@ -68,33 +59,26 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """List the events of a dataset."""
     return str(dataset.attrs['events'])
 
 
 def write_events(store: Store, events: list[Event]) -> None:
     """Write events as a table."""
-    one = {'units': '1'}
-    columns: dict[str, tuple[Any, dict[str, str]]] = {
-        'event_attractor': (np.array([e.attractor for e in events], np.int32), {
-            'long_name': 'number of the attractor'}),
-        'event_kind': (np.array([e.what for e in events], 'U15'), {
-            'long_name': 'what happens'}),
-        'event_orbit': (np.array([e.key for e in events], 'U48'), {
-            'long_name': 'what changes, or on what trajectories then settle'}),
-        'event_alpha': (np.array([e.alpha for e in events]), {'long_name': 'where', **one}),
-        'event_tolerance': (np.array([e.tolerance for e in events]), {
-            'long_name': 'how well it is located', **one}),
-        'event_period_impacts': (np.array([e.orbit.impacts if e.orbit else 0 for e in events],
-                                          np.int32), {
-            'long_name': 'period of the orbit', 'units': 'impacts'}),
-        'event_period_drive': (np.array([e.orbit.drive_periods if e.orbit else 0 for e in events],
-                                        np.int32), {
-            'long_name': 'period of the orbit', 'units': 'drive periods'}),
-        'event_multiplier': (np.array([e.multiplier for e in events]), {
-            'long_name': 'critical multiplier, real part', **one})}
-    store.write_table({name: (('event',), values, attributes)
-                       for name, (values, attributes) in columns.items()})
+    store.write_table({f'event_{name}': (('event',), np.array(values, dtype), named(*words))
+                       for name, values, dtype, words in (
+        ('attractor', [e.attractor for e in events], 'i4', ('number of the attractor', None)),
+        ('kind', [e.what for e in events], 'U15', ('what happens', None)),
+        ('orbit', [e.key for e in events], 'U48',
+         ('what changes, or on what trajectories then settle', None)),
+        ('alpha', [e.alpha for e in events], 'f8', ('where',)),
+        ('tolerance', [e.tolerance for e in events], 'f8', ('how well it is located',)),
+        ('period_impacts', [e.orbit.impacts if e.orbit else 0 for e in events], 'i4',
+         ('period of the orbit', 'impacts')),
+        ('period_drive', [e.orbit.drive_periods if e.orbit else 0 for e in events], 'i4',
+         ('period of the orbit', 'drive periods')),
+        ('multiplier', [e.multiplier for e in events], 'f8',
+         ('critical multiplier, real part',)))})
     store.set_attributes({'tool': NAME, 'events': '\n'.join(
         [HEADING, *(event.describe() for event in events)])})

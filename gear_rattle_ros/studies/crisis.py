@@ -8,22 +8,21 @@ exponent of the lifetimes.
 
 import dataclasses
 import math
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
+from .attractors import require_window
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
 from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.defaults import SEED
 from ..core.model import Parameters
 from ..core.words import counted, in_columns
 from ..store.store import Store
-
-if TYPE_CHECKING:
-    import xarray
 
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058
@@ -35,37 +34,31 @@ BEFORE: Final = 100_000
 def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
            plane: Plane | None = None, *, beyond: tuple[float, float] = (4e-6, 4e-4),
            rates: int = 20, escapes: int = 80, skip: int = 300, limit: int = 50_000_000,
-           seed: int = SEED, **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+           seed: int = SEED, **options: Unpack[WorkOptions]) -> Dataset:
     """
     Locate a boundary crisis, by the tangency of manifolds and by escape rates.
 
+    The dataset has lifetimes and escape rates by alpha; the crisis and its law as attributes.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model, but for alpha.
-    alphas : tuple of float
-        Before and beyond the crisis [1].
-    plane : Plane, optional
-        The window from which initial conditions are drawn; by default at s = -0.5, as off the
-        walls hardly any sticks: those that do all go on as one trajectory.
+    parameters, alphas
+        The model, and its amplitudes before and beyond the crisis [1].
+    plane, seed
+        The window from which initial conditions are drawn, and their seed; by default it lies at
+        s = -0.5, as off the walls hardly any sticks: those that do all go on as one trajectory.
     beyond : tuple of float
         Distances from the crisis at which escapes are timed [1].
     rates, escapes : int
         Amplitudes at which they are, and how many at each.
     skip, limit : int
         Escapes before this do not count, and after this a trajectory is given up [impacts].
-    seed : int
-        Of the initial conditions.
     **options
         As `Work` explains them.
 
-    Returns
-    -------
-    xarray.Dataset
-        Lifetimes and escape rates by alpha; the crisis and its law as attributes.
-
     """
     work, plane = Work(**options), plane or Plane(displacement=-0.5)
+    require_window(alphas)
     low, high = alphas
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')
@@ -88,7 +81,7 @@ def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
     """
     Choose where escapes are timed: one alpha before the crisis, then equal steps of the logarithm.
 
-    The tangency only says where to look; the law is fitted without it.
+    The tangency only gives where to look; the law is fitted without it.
     """
     beyond = np.geomspace(nearest, farthest, count)
     return tuple(float(round(tangency.alpha + d, 9)) for d in (-2.0 * nearest, *beyond))
@@ -104,23 +97,19 @@ def write_law(store: Store) -> None:
             [rates[k].rate / math.sqrt(rates[k].escapes) for k in some])
     law = fit_law(*data)
     exponent, exponent_error = fit_exponent(*data, store.attributes['tangency_alpha'])
-    per_impact = {'units': '1/impact'}
-    store.write_table({
-        'escape_rate': (('alpha',), np.array([rate.rate for rate in rates]), {
-            'long_name': 'escape rate, from escapes over impacts at risk', **per_impact}),
-        'escape_rate_error': (('alpha',), np.array([rate.error for rate in rates]), {
-            'long_name': 'its standard error', **per_impact}),
-        'escapes': (('alpha',), np.array([rate.escapes for rate in rates]), {
-            'long_name': 'trajectories that escaped', 'units': '1'}),
-        'at_risk': (('alpha',), np.array([rate.at_risk for rate in rates]), {
-            'long_name': 'impacts at risk', 'units': 'impacts'})})
+    store.write_table({name: (('alpha',), np.array([getattr(rate, field) for rate in rates]),
+                              named(words, units)) for name, field, words, units in (
+        ('escape_rate', 'rate', 'escape rate, from escapes over impacts at risk', '1/impact'),
+        ('escape_rate_error', 'error', 'its standard error', '1/impact'),
+        ('escapes', 'escapes', 'trajectories that escaped', '1'),
+        ('at_risk', 'at_risk', 'impacts at risk', 'impacts'))})
     store.set_attributes({f'law_{name}': float(value)
                           for name, value in dataclasses.asdict(law).items()})
     store.set_attributes({'exponent_at_tangency': exponent,
                           'exponent_at_tangency_error': exponent_error, 'paper_alpha': PAPER})
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put a crisis in words."""
     a: dict[str, Any] = dataset.attrs
     law = LifetimeLaw(**{field.name: a[f'law_{field.name}']

@@ -7,12 +7,14 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from .attractors import identity_of, require_window
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, Window
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
+from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
 
 # Attractors kept apart at one alpha; what is beyond is counted with the last of them.
@@ -25,6 +27,7 @@ KINDS: Final = tuple(kind.value for kind in Kind)
 KEY: Final = '<U48'
 # Impacts of each attractor that are kept, to know it again at the next alpha.
 POINTS: Final = 64
+EXPONENTS: Final = ('exponent', 'exponent_error', 'exact_sum')
 STATE: Final = ('phase', 'displacement', 'velocity')
 
 
@@ -50,10 +53,7 @@ class Diagram:
 
     def __post_init__(self) -> None:
         """Validate."""
-        low, high = (require_finite('alpha', a, 0.0, ALPHA_MAXIMUM) for a in self.alphas)
-        if not low < high:
-            raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the '
-                             'lower end first')
+        require_window(self.alphas)
         if not 2 <= self.columns <= 100_000:
             raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
@@ -76,55 +76,46 @@ class Diagram:
 
 def layout_of(diagram: Diagram) -> Layout:
     """Return the layout of the store: a tile is `TILE` columns of one sweep."""
-    window, one = diagram.window, {'units': '1'}
+    window, plane = diagram.window, diagram.plane
     edges = np.linspace(window.low, window.high, window.bins + 1)
-    slot = ('sweep', 'alpha', 'slot')
-    identity: dict[str, Any] = {
-        'tool': 'orbit_diagram', 'beta': diagram.parameters.beta,
-        'gamma': diagram.parameters.gamma, 'restitution': diagram.parameters.restitution,
-        'alpha_window': list(diagram.alphas), 'columns': diagram.columns,
-        'trajectories': diagram.trajectories, 'seed': diagram.seed,
-        'displacement': diagram.plane.displacement, 'phase_window': list(diagram.plane.phase),
-        'initial_velocity_window': list(diagram.plane.velocity),
-        'hold': window.hold, 'impacts_counted': window.keep,
-        'velocity_window': [window.low, window.high], 'bins': window.bins,
-        'sweeps': list(diagram.sweeps)}
-    return Layout(
-        (Axis('sweep', np.array(diagram.sweeps), {
-            'long_name': 'starts: many at each alpha; up, down: followed from the last state'}, 1),
-         Axis('alpha', diagram.values, {'long_name': 'amplitude of the drive', **one}, TILE),
-         Axis('slot', np.arange(SLOTS), {'long_name': 'attractors at one alpha, largest first'}),
-         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), {
-             'long_name': 'velocity before the impact, centre of the bin', **one}),
-         Axis('sample', np.arange(POINTS), {'long_name': 'some impacts of an attractor'}),
-         Axis('coordinate', np.array(['wall', 'phase', 'velocity']), {
-             'long_name': 'wall (0 upper, 1 lower), phase [rad], velocity before the impact [1]'}),
-         Axis('lane', np.arange(LANES), {'long_name': 'trajectory that is followed'}),
-         Axis('state', np.array(STATE), {'long_name': 'phase [rad], displacement, velocity [1]'})),
-        (Variable('count', (*slot, 'velocity'), '<u4', {
-            'long_name': 'impacts counted', **one}),
-         Variable('key', slot, KEY, {'long_name': 'name of the attractor, empty for none'}),
-         Variable('point', (*slot, 'sample', 'coordinate'), '<f4', {
-             'long_name': 'some impacts, nan for fewer'}),
-         Variable('share', slot, '<f8', {'long_name': 'share of the trajectories', **one}),
-         Variable('kind', slot, '|i1', {
-             'long_name': 'what it is: ' + ', '.join(
-                 f'{k} {name}' for k, name in enumerate(KINDS)) + ', -1 nothing'}),
-         Variable('period_impacts', slot, '<i4', {
-             'long_name': 'period, 0 off a periodic orbit', 'units': 'impacts'}),
-         Variable('period_drive', slot, '<i4', {
-             'long_name': 'period, 0 off a periodic orbit', 'units': 'drive periods'}),
-         Variable('exponent', slot, '<f8', {
-             'long_name': 'largest Lyapunov exponent per impact', **one}),
-         Variable('exponent_error', slot, '<f8', {
-             'long_name': 'standard error; 0 from exact multipliers', **one}),
-         Variable('exact_sum', slot, '<f8', {
-             'long_name': 'exact sum of both exponents, 2 ln r - beta <D>', **one}),
-         Variable('member_state', (*slot, 'state'), '<f8', {
-             'long_name': 'where one of its trajectories is; of an orbit, at an impact'}),
-         Variable('end_state', ('sweep', 'alpha', 'lane', 'state'), '<f8', {
-             'long_name': 'last state of the trajectories that are followed'})),
-        identity)
+    identity = identity_of(
+        'orbit_diagram', diagram.parameters, plane, alpha_window=list(diagram.alphas),
+        columns=diagram.columns, trajectories=diagram.trajectories, seed=diagram.seed,
+        initial_velocity_window=list(plane.velocity), hold=window.hold,
+        impacts_counted=window.keep, velocity_window=[window.low, window.high], bins=window.bins,
+        sweeps=list(diagram.sweeps))
+    del identity['alpha']
+    kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
+    axes = (
+        Axis('sweep', np.array(diagram.sweeps), named(
+            'starts: many at each alpha; up, down: followed from the last state', None), 1),
+        Axis('alpha', diagram.values, named('amplitude of the drive'), TILE),
+        Axis('slot', np.arange(SLOTS), named('attractors at one alpha, largest first', None)),
+        Axis('velocity', 0.5 * (edges[1:] + edges[:-1]),
+             named('velocity before the impact, centre of the bin')),
+        Axis('sample', np.arange(POINTS), named('some impacts of an attractor', None)),
+        Axis('coordinate', np.array(['wall', 'phase', 'velocity']), named(
+            'wall (0 upper, 1 lower), phase [rad], velocity before the impact [1]', None)),
+        Axis('lane', np.arange(LANES), named('trajectory that is followed', None)),
+        Axis('state', np.array(STATE), named('phase [rad], displacement, velocity [1]', None)))
+    return Layout(axes, tuple(
+        Variable(name, ('sweep', 'alpha', *others), dtype, named(words, units))
+        for name, others, dtype, words, units in (
+            ('count', ('slot', 'velocity'), '<u4', 'impacts counted', '1'),
+            ('key', ('slot',), KEY, 'name of the attractor, empty for none', None),
+            ('point', ('slot', 'sample', 'coordinate'), '<f4', 'some impacts, nan for fewer',
+             None),
+            ('share', ('slot',), '<f8', 'share of the trajectories', '1'),
+            ('kind', ('slot',), '|i1', f'what it is: {kinds}, -1 nothing', None),
+            ('period_impacts', ('slot',), '<i4', 'period, 0 off a periodic orbit', 'impacts'),
+            ('period_drive', ('slot',), '<i4', 'period, 0 off a periodic orbit', 'drive periods'),
+            ('exponent', ('slot',), '<f8', 'largest Lyapunov exponent per impact', '1'),
+            ('exponent_error', ('slot',), '<f8', 'standard error; 0 from exact multipliers', '1'),
+            ('exact_sum', ('slot',), '<f8', 'exact sum of both exponents, 2 ln r - beta <D>', '1'),
+            ('member_state', ('slot', 'state'), '<f8',
+             'where one of its trajectories is; of an orbit, at an impact', None),
+            ('end_state', ('lane', 'state'), '<f8',
+             'last state of the trajectories that are followed', None))), identity)
 
 
 def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
@@ -133,11 +124,10 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
     values: dict[str, npt.NDArray[Any]] = {
         'count': np.zeros((*shape, diagram.window.bins), np.uint32), 'key': np.zeros(shape, KEY),
         'point': np.full((*shape, POINTS, 3), math.nan, np.float32),
-        'share': np.zeros(shape), 'kind': np.full(shape, -1, np.int8),
-        'period_impacts': np.zeros(shape, np.int32), 'period_drive': np.zeros(shape, np.int32),
-        'exponent': np.full(shape, math.nan), 'exponent_error': np.full(shape, math.nan),
-        'exact_sum': np.full(shape, math.nan),
-        'member_state': np.full((*shape, len(STATE)), math.nan)}
+        'kind': np.full(shape, -1, np.int8), 'share': np.zeros(shape),
+        'member_state': np.full((*shape, len(STATE)), math.nan),
+        **{name: np.zeros(shape, np.int32) for name in ('period_impacts', 'period_drive')},
+        **{name: np.full(shape, math.nan) for name in EXPONENTS}}
     for c, found in enumerate(columns):
         for k, one in enumerate(found):
             slot = c, min(k, SLOTS - 1)
@@ -149,9 +139,8 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             points = one.attractor.points(POINTS)[:POINTS]
             values['point'][slot][:len(points)] = points
             values['kind'][slot] = KINDS.index(one.attractor.kind.value)
-            values['exponent'][slot] = one.exponent
-            values['exponent_error'][slot] = one.exponent_error
-            values['exact_sum'][slot] = one.exact_sum
+            for name in EXPONENTS:
+                values[name][slot] = getattr(one, name)
             orbit = one.attractor.orbit
             if orbit:
                 values['member_state'][slot] = (orbit.phases[0], -float(orbit.walls[0]),

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 import dataclasses
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from .escape_rates import fit_law, FITTED
 from ..attractors.catalogue import OTHERS
-from ..attractors.plane import make_initial_conditions
+from ..attractors.plane import at_parameters, make_initial_conditions
 from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
@@ -25,27 +25,28 @@ from ..core.orbits.branches import Change, follow, is_own_image, Turn
 from ..core.orbits.orbit import close_near, Orbit
 from ..core.orbits.section import shortest_recurrence
 
-# Trajectories are looked at every so many impacts, at the last of them, and this often at least.
+# Impacts of a round, the last of them that are examined, and the fewest rounds.
 ROUND: Final = 2048
 KEPT: Final = 256
 ROUNDS: Final = 8
-# Impacts that recur so well are looked at for an orbit [1].
+# Impacts that recur within this are searched for an orbit [1].
 RECURS: Final = 1e-4
-# The region of an attractor: boxes along phase and speed, up to so much above its fastest impact.
+# The region of an attractor: boxes along phase and speed, up to a multiple of the fastest impact.
 BOXES: Final = 128
 ROOM: Final = 1.2
-# Beyond a crisis escapes are timed where the mean lifetime is at least this part of the impacts
-# over which the attractor is watched, and up to so much longer; so many at each amplitude, whose
-# distances go by a factor.
+# Beyond a crisis escapes are timed where the mean lifetime is at least this fraction of the
+# impacts over which the attractor is watched, and up to `SPAN` times as long; `ESCAPES` at each
+# amplitude, whose distances go by a factor.
 SHORTEST: Final = 0.25
 SPAN: Final = 16.0
 ESCAPES: Final = 48
 FACTOR: Final = math.sqrt(2.0)
-# An orbit is followed so far to the end of its window [1], which is left by a leap.
+# Distance over which an orbit is followed to the end of its window [1], which is left by a leap.
 WIDEST: Final = 0.05
 LEAP: Final = 2.5
-# Of so many escapes expected none is seen once in twenty times; and the escape rate grows with the
-# distance from the crisis at most as this power (Grebogi, Ott & Yorke 1987: 1/2 and more).
+# Where this number of escapes is expected, none is seen once in twenty times; the escape rate
+# grows with the distance from the crisis at most as a power (Grebogi, Ott & Yorke 1987: 1/2 and
+# more).
 UNSEEN: Final = 3.0
 EXPONENT: Final = 2.0
 
@@ -71,16 +72,9 @@ class Herd:
         return np.asarray(np.mean(inside, axis=-1) < 0.5)
 
 
-@dataclasses.dataclass(frozen=True)
-class Escape:
-    """
-    Trajectories of which one has left the attractor.
-
-    `captor`: the orbit on which it has settled, or the key of rest; None where it goes on
-    elsewhere.
-    """
-
-    captor: Orbit | str | None
+# What captures trajectories that leave an attractor: a stable orbit, the key of rest, or nothing
+# where they go on elsewhere.
+Captor: TypeAlias = Orbit | str | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +92,7 @@ class End:
     kind: str
     alpha: float
     uncertainty: float
-    captor: Orbit | str | None
+    captor: Captor
     last: Herd
 
 
@@ -110,12 +104,12 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
 
 
 def watch(parameters: Parameters, states: RecordArray, hold: int,
-          before: Herd | None = None) -> Herd | Escape:
+          before: Herd | None = None) -> Herd | Captor:
     """
     Watch for `hold` impacts each whether trajectories stay on their attractor.
 
-    Return their herd, or the first escape. Without `before`, the attractor a little earlier, it is
-    what they are seen on.
+    Return their herd, or what has captured the first that has left. Without `before`, the
+    attractor a little earlier, it is what they are seen on.
     """
     seen: list[RecordArray] = []
     away = np.ones(LANES, bool)
@@ -124,12 +118,12 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
     while len(seen) < rounds or before is not None and len(seen) < 2 * rounds and away.any():
         states, impacts, captors = _go_on(parameters, states)
         for _, captor in captors:
-            return Escape(captor)
+            return captor
         seen.append(impacts)
         if before is not None and len(seen) >= rounds:
             away &= before.strays(impacts['phase'], impacts['velocity'])
     if before is not None and away.any():
-        return Escape(None)
+        return None
     # The first impacts are still on their way from where the attractor was.
     impacts = np.concatenate(seen[1:])
     speed = ROOM * float(np.max(np.abs(impacts['velocity'])))
@@ -148,7 +142,8 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
     impacts. None where it does not end.
     """
     low, step, stayed = herd.parameters.alpha, width, 0
-    captor, turn = None, None
+    captor: Captor = None
+    turn = None
     while step >= tolerance:
         left = direction * (edge - low)
         if left < tolerance:
@@ -160,7 +155,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
             # Once is what a bisection does; twice, the step had failed for its length alone.
             step = min(width, 2.0 * step) if stayed > 1 else step
             continue
-        captor, stayed = trial.captor, 0
+        captor, stayed = trial, 0
         turn = _born(captor, herd, low, direction) if isinstance(captor, Orbit) else None
         if isinstance(captor, Orbit) and turn is not None:
             if turn.orbit.impacts == captor.impacts and (
@@ -178,7 +173,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after, Herd):
                         herd, low = after, after.parameters.alpha
                         continue
-                    if isinstance(after.captor, Orbit):
+                    if isinstance(after, Orbit):
                         return _window(turn, herd)
             else:
                 # A window narrower than a column is no end: chaos is back on its other side, or at
@@ -216,9 +211,9 @@ def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | Non
     return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
 
 
-def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Orbit | str | None,
+def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Captor,
             hold: int, width: float) -> End:
-    # Long lifetimes hide the very place; the law by which they shorten beyond it tells.
+    # Long lifetimes hide the place itself; the law by which they shorten beyond it gives it.
     high = 2.0 * step
     shortest = max(SHORTEST * hold, 2.0 * ROUND)
 
@@ -280,7 +275,7 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
         gone[[i for i, _ in captors]] = True
         made += LANES * ROUND
         if gone.all():
-            # Faster than they are looked at.
+            # Faster than a round.
             return EscapeRate(1.0 / ROUND, 1.0 / ROUND, LANES, float(LANES * ROUND))
         escapes += int(np.count_nonzero(gone & counts))
         rounds += int(np.count_nonzero(counts))
@@ -301,9 +296,7 @@ def _at(herd: Herd, alpha: float) -> Parameters:
 def _go_on(parameters: Parameters, states: RecordArray
            ) -> tuple[RecordArray, RecordArray, Iterator[tuple[int, Orbit | str]]]:
     # States after a round, its last impacts, and who is at rest or on a stable orbit.
-    starts = make_initial_conditions(parameters, *(states[name] for name in (
-        'phase', 'displacement', 'velocity')))
-    rows, counts = record_impacts(starts, ROUND - KEPT, KEPT)
+    rows, counts = record_impacts(at_parameters(parameters, states), ROUND - KEPT, KEPT)
     last = rows[:, -1]
     after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
                          last['velocity'])

@@ -8,10 +8,11 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from .attractors import identity_of
 from .tangency import Tangency
 from .work import Work
-from ..attractors.engine import run_tiles
 from ..attractors.finding import find_attractors
+from ..attractors.listing import named
 from ..attractors.plane import make_initial_conditions, Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import new_impacts, new_tiles
@@ -28,12 +29,12 @@ from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
-# A trajectory that has settled on another stable orbit will never escape: it says nothing.
+# A trajectory that has settled on another stable orbit will never escape and does not count.
 ELSEWHERE: Final = 2
 IntArray: TypeAlias = npt.NDArray[np.signedinteger]
-# Impacts for which a survivor is looked at.
+# Impacts for which a survivor is followed.
 SURVIVED_LOOK: Final = 1000
-# Escapes at an amplitude are counted in so many independent parts, a tile each.
+# Independent parts in which the escapes at an amplitude are counted, a tile each.
 PARTS: Final = 8
 
 
@@ -45,8 +46,8 @@ class Escapes:
     At each of the `alphas` [1], `wanted` escapes are shared among `PARTS`; the first alpha lies
     before the crisis, to see that nothing escapes. The initial conditions, drawn from `plane`, are
     the same at each. A trajectory is captured within `radius` of the `points` (phase, velocity) of
-    the captor at its alpha [rad, 1]. Escapes within `skip` impacts say nothing: the initial
-    condition lay in the basin. After `limit` impacts, at the first alpha `limit_before`, a
+    the captor at its alpha [rad, 1]. Escapes within `skip` impacts do not count: the
+    initial condition lay in the basin. After `limit` impacts, at the first alpha `limit_before`, a
     trajectory is given up.
     """
 
@@ -74,46 +75,42 @@ class Escapes:
 
 def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
     """Return the layout of the store: a tile for each part of each alpha."""
-    p = escapes.parameters
+    plane, of_each = escapes.plane, ('alpha', 'part', 'trajectory')
+    identity = identity_of(
+        'crisis', escapes.parameters, plane, alphas=list(escapes.alphas),
+        escapes_wanted=escapes.wanted, seed=escapes.seed,
+        initial_velocity_window=list(plane.velocity), impacts_skipped=escapes.skip,
+        impacts_limit=escapes.limit, impacts_limit_before=escapes.limit_before,
+        capture_radius=escapes.radius)
+    del identity['alpha'], identity['velocity_window']
+    saddle = tangency.saddle
     return Layout(
-        (Axis('alpha', np.array(escapes.alphas), {
-            'long_name': 'amplitude of the drive', 'units': '1'}, 1),
-         Axis('part', np.arange(PARTS), {'long_name': 'independent part'}, 1),
-         Axis('trajectory', np.arange(escapes.trajectories), {
-             'long_name': 'number of the initial condition'})),
-        (Variable('lifetime', ('alpha', 'part', 'trajectory'), '<i8', {
-            'long_name': 'impacts before the capture, or before it was given up',
-            'units': 'impacts'}),
-         Variable('fate', ('alpha', 'part', 'trajectory'), '|i1', {
-             'long_name': '1 captured, 0 given up, 2 settled on another stable orbit, -1 came '
-             'to rest, -2 not begun'})),
-        {'tool': 'crisis', 'beta': p.beta, 'gamma': p.gamma, 'restitution': p.restitution,
-         'alphas': list(escapes.alphas), 'escapes_wanted': escapes.wanted,
-         'seed': escapes.seed, 'displacement': escapes.plane.displacement,
-         'phase_window': list(escapes.plane.phase),
-         'initial_velocity_window': list(escapes.plane.velocity),
-         'impacts_skipped': escapes.skip, 'impacts_limit': escapes.limit,
-         'impacts_limit_before': escapes.limit_before,
-         'capture_radius': escapes.radius},
+        (Axis('alpha', np.array(escapes.alphas), named('amplitude of the drive'), 1),
+         Axis('part', np.arange(PARTS), named('independent part', None), 1),
+         Axis('trajectory', np.arange(escapes.trajectories),
+              named('number of the initial condition', None))),
+        (Variable('lifetime', of_each, '<i8', named(
+            'impacts before the capture, or before it was given up', 'impacts')),
+         Variable('fate', of_each, '|i1', named(
+             '1 captured, 0 given up, 2 settled on another stable orbit, -1 came to rest, -2 not '
+             'begun', None))),
+        identity,
         {'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
-         'tangency_exponent': tangency.saddle.lifetime_exponent,
-         'saddle_expansion': tangency.saddle.expansion,
-         'saddle_contraction': tangency.saddle.contraction,
-         'saddle_impacts': tangency.saddle.orbit.impacts,
-         'saddle_drive_periods': tangency.saddle.orbit.drive_periods,
-         'fold_alpha': tangency.fold})
+         'tangency_exponent': saddle.lifetime_exponent, 'saddle_expansion': saddle.expansion,
+         'saddle_contraction': saddle.contraction, 'saddle_impacts': saddle.orbit.impacts,
+         'saddle_drive_periods': saddle.orbit.drive_periods, 'fold_alpha': tangency.fold})
 
 
 def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     """Time the escapes of one part at one alpha into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
-    starts = escapes.plane.draw(parameters, escapes.trajectories,
-                                escapes.seed * 1_000_003 + part)
-    lifetimes, fates = np.zeros(len(starts), np.int64), np.zeros(len(starts), np.int64)
-    ends = np.zeros((len(starts), 3))
+    initial = escapes.plane.draw(parameters, escapes.trajectories,
+                                 escapes.seed * 1_000_003 + part)
+    lifetimes, fates = np.zeros(len(initial), np.int64), np.zeros(len(initial), np.int64)
+    ends = np.zeros((len(initial), 3))
     last_until_captured(
-        new_tiles(1)[0], new_impacts(STEPS), starts, escapes.points[k], escapes.radius,
+        new_tiles(1)[0], new_impacts(STEPS), initial, escapes.points[k], escapes.radius,
         escapes.skip, escapes.wanted_of_part, escapes.limit if k else escapes.limit_before,
         lifetimes, fates, ends)
     survivors = np.flatnonzero(fates == SURVIVED)
@@ -142,14 +139,6 @@ def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
     distances = np.abs(np.array(escapes.alphas) - tangency.alpha)
     weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)
-    pending = store.pending()
-    with work.report('crisis', int(weights.sum())) as progress:
-        progress.skip(int(weights.sum() - weights[pending].sum()))
-
-        def finished(tile: int, impacts: int) -> None:
-            store.mark(tile)
-            progress.add(int(weights[tile]), impacts)
-
-        run_tiles(functools.partial(time_escapes, escapes, store.path), pending, finished,
-                  cluster=work.cluster, threads=work.threads)
+    with work.pending('crisis', store, lambda tile: int(weights[tile])) as (tiles, finished):
+        work.run(functools.partial(time_escapes, escapes, store.path), tiles, finished)
     return store

@@ -1,14 +1,16 @@
 """How fast neighbouring trajectories of every initial condition diverge or converge."""
 
-from typing import Final, TYPE_CHECKING, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
 from .attractors import identity_of
-from .work import Work, WorkOptions
+from .grid import axes_of
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
+from ..attractors.listing import named
 from ..attractors.plane import Plane, StartArray
 from ..core.arrays import FloatArray
 from ..core.defaults import EXPONENT_IMPACTS
@@ -16,17 +18,14 @@ from ..core.flight.lanes import new_impacts, new_tiles
 from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
 from ..core.words import counted
-from ..store.layout import Axis, Layout, Variable
-
-if TYPE_CHECKING:
-    import xarray
+from ..store.layout import Layout, Variable
 
 NAME: Final = 'exponents'
 # Cells along the edge of a tile.
 EDGE: Final = 100
 
 
-def finite_time_exponents(starts: StartArray, count: int, threads: int | None = None,
+def finite_time_exponents(initial: StartArray, count: int, threads: int | None = None,
                           check: Check = go_on) -> FloatArray:
     """
     Find the largest finite-time exponents of initial conditions over some impacts.
@@ -34,70 +33,58 @@ def finite_time_exponents(starts: StartArray, count: int, threads: int | None = 
     Per impact [1]; -inf where the driven gear sticks or comes to rest, nan where it floats.
     `check` is called for every batch and raises to give up.
     """
-    exponents = np.zeros(len(starts))
+    exponents = np.zeros(len(initial))
 
     def work(batch: int) -> None:
         check()
         part = slice(batch * BATCH, (batch + 1) * BATCH)
-        grow(new_tiles(1)[0], new_impacts(STEPS), starts[part], count, exponents[part])
+        grow(new_tiles(1)[0], new_impacts(STEPS), initial[part], count, exponents[part])
 
-    run_tiles(work, range(-(-len(starts) // BATCH)), lambda batch, result: None, threads=threads)
+    run_tiles(work, range(-(-len(initial) // BATCH)), lambda batch, result: None, threads=threads)
     return exponents
 
 
 def exponents(parameters: Parameters, plane: Plane | None = None, *,
               impacts: int = EXPONENT_IMPACTS, **options: Unpack[WorkOptions]
-              ) -> 'xarray.Dataset':
+              ) -> Dataset:
     """
     Find how fast neighbouring trajectories of every cell of a plane diverge or converge.
 
+    The dataset has `exponent` per impact [1] of every cell, as `finite_time_exponents` finds it.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The cells.
+    parameters, plane
+        The model and the cells.
     impacts : int
         Impacts of every trajectory.
     **options
         As `Work` explains them; no cluster.
-
-    Returns
-    -------
-    xarray.Dataset
-        `exponent` per impact [1] of every cell, as `finite_time_exponents` finds it.
 
     """
     work, plane = Work(**options), plane or Plane()
     if work.cluster:
         raise ValueError('--cluster: exponents run on the threads of this machine only')
     store = work.begin(Layout(
-        (Axis('velocity', plane.velocity_values(),
-              {'long_name': 'initial velocity', 'units': '1'}, EDGE),
-         Axis('phase', plane.phase_values(),
-              {'long_name': 'initial drive phase', 'units': 'rad'}, EDGE)),
-        (Variable('exponent', ('velocity', 'phase'), '<f8', {
-            'long_name': 'largest finite-time exponent per impact over '
-                         f'{counted(impacts, "impact")}; -inf where the driven gear sticks, '
-                         'nan where it floats', 'units': '1'}),),
+        axes_of(plane, EDGE),
+        (Variable('exponent', ('velocity', 'phase'), '<f8', named(
+            f'largest finite-time exponent per impact over {counted(impacts, "impact")}; -inf '
+            'where the driven gear sticks, nan where it floats')),),
         identity_of(NAME, parameters, plane, impacts=impacts,
                     size=[plane.phases, plane.velocities]),
         {'title': 'Finite-time exponents of the gear-rattling model'}))
-    pending = store.pending()
-    with work.report(NAME, len(store.tiles)) as progress:
-        progress.skip(len(store.tiles) - len(pending))
-        for tile in pending:
+    with work.pending(NAME, store, lambda tile: 1) as (tiles, finished):
+        for tile in tiles:
             part = store.tiles[tile]
             cells = plane.cells(parameters, part['velocity'], part['phase'])
             values = finite_time_exponents(cells, impacts, work.threads)
             store.write(tile, {'exponent': values.reshape(
                 tuple(each.stop - each.start for each in part.values()))})
-            store.mark(tile)
-            progress.add(1, impacts * len(cells))
+            finished(tile, impacts * len(cells))
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put finite-time exponents in words."""
     values = dataset['exponent'].values
     finite = values[np.isfinite(values)]

@@ -1,6 +1,5 @@
 """Grids of labels and lifetimes, tile by tile: what basins and lifetimes share."""
 
-from collections.abc import Callable
 import dataclasses
 import functools
 import json
@@ -12,7 +11,7 @@ import numpy as np
 
 from .work import Work
 from ..attractors.catalogue import Catalogue
-from ..attractors.engine import run_tiles
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
 from ..core.flight.lanes import EMPTY
@@ -22,8 +21,6 @@ from ..core.orbits.orbit import Orbit
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
-LABELS: Final = '<i2'
-LIFETIMES: Final = '<i4'
 GRIDS: Final = ('label', 'lifetime', 'stick', 'release')
 LATE: Final = 'late_orbits'
 # Tiles: as many along an edge, within these lengths.
@@ -42,44 +39,38 @@ class Job:
     catalogue: Catalogue
 
 
-@dataclasses.dataclass(frozen=True)
-class Done:
-    """What is told of a tile: impacts made, and stable orbits that the catalogue did not know."""
-
-    impacts: int
-    orbits: tuple[Orbit, ...]
-
-
 def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
                 tile: int | None = None) -> Layout:
     """Lay out a grid of labels and lifetimes; the result does not depend on the `tile`."""
     edge = tile or min(max(-(-max(plane.phases, plane.velocities) // ACROSS), SHORTEST), LONGEST)
-    return Layout(
-        (Axis('velocity', plane.velocity_values(),
-              {'long_name': 'initial velocity', 'units': '1'}, edge),
-         Axis('phase', plane.phase_values(),
-              {'long_name': 'initial drive phase', 'units': 'rad'}, edge)),
-        (Variable('label', ('velocity', 'phase'), LABELS, {
-            'long_name': 'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the '
-                         'upper and lower wall, -4 between the walls', 'units': '1'}),
-         Variable('lifetime', ('velocity', 'phase'), LIFETIMES, {
-             'long_name': 'impacts until the trajectory stays within the tolerance of its '
-                          f'attractor; {cap} where label is -1', 'units': '1'}),
-         Variable('stick', ('velocity', 'phase'), LIFETIMES, {
-             'long_name': 'impacts until the mass first sticks; -1 where it settles without',
-             'units': '1'}),
-         Variable('release', ('velocity', 'phase'), '<f8', {
-             'long_name': 'drive phase at which it then leaves the wall: all that leave at the '
-                          'same go on as one trajectory', 'units': 'rad'})),
-        identity, {'title': title})
+    return Layout(axes_of(plane, edge), tuple(
+        Variable(name, ('velocity', 'phase'), dtype, named(words, units))
+        for name, dtype, words, units in (
+            ('label', '<i2', 'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the '
+             'upper and lower wall, -4 between the walls', '1'),
+            ('lifetime', '<i4', 'impacts until the trajectory stays within the tolerance of its '
+             f'attractor; {cap} where label is -1', '1'),
+            ('stick', '<i4', 'impacts until the driven gear first sticks; -1 where it settles '
+             'without', '1'),
+            ('release', '<f8', 'drive phase at which it then leaves the wall: all that leave at '
+             'the same go on as one trajectory', 'rad'))), identity, {'title': title})
 
 
-def fill_tile(job: Job, tile: int) -> Done:
-    """Compute and store a tile; what is unsettled once more, where late orbits are known."""
+def axes_of(plane: Plane, edge: int) -> tuple[Axis, Axis]:
+    """Return the axes of a grid whose tiles have this edge [cells]."""
+    return (Axis('velocity', plane.velocity_values(), named('initial velocity'), edge),
+            Axis('phase', plane.phase_values(), named('initial drive phase', 'rad'), edge))
+
+
+def fill_tile(job: Job, tile: int) -> tuple[int, tuple[Orbit, ...]]:
+    """
+    Compute and store a tile; what is unsettled once more, where late orbits are known.
+
+    Returns the impacts made, and stable orbits that the catalogue did not know.
+    """
     store, known = Store(job.path), job.catalogue
     part = store.tiles[tile]
-    shape = (part['velocity'].stop - part['velocity'].start,
-             part['phase'].stop - part['phase'].start)
+    shape = _shape(store, tile)
     level = Level(job.plane.cells(known.parameters, part['velocity'], part['phase']), shape,
                   job.cap, slice_impacts=math.inf)
     # As it stays where areas are kept.
@@ -89,13 +80,13 @@ def fill_tile(job: Job, tile: int) -> Done:
         grids = {name: store.read(tile, name) for name in GRIDS}
         level.left = level.due = np.flatnonzero(grids['label'] == UNSETTLED)
         if not len(level.left):
-            return Done(0, ())
+            return 0, ()
     followed, found = level.follow(job.cap, known.table, threads=1)
     for name, grid in grids.items():
         np.put(grid, followed, found[name])
     store.write(tile, grids)
     orbits = () if known.late else late_orbits(known, level, len(level.states)).late
-    return Done(level.impacts, orbits)
+    return level.impacts, orbits
 
 
 def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, work: Work, name: str
@@ -104,56 +95,54 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
     known = catalogue.with_orbits(tuple(_orbits_from(
         store.attributes.get(LATE, '[]'), catalogue.parameters)))
     job = Job(store.path, plane, cap, catalogue)
-    pending = store.pending()
-    progress = work.report(name, plane.phases * plane.velocities)
-    progress.skip(sum(_size(store, tile) for tile in range(len(store.tiles)))
-                  - sum(_size(store, tile) for tile in pending))
 
-    def finished(tile: int, done: Done) -> None:
-        nonlocal known
-        more = known.with_orbits(done.orbits)
-        if more is not known:
-            known = more
-            store.set_attributes({LATE: _text_of(known.late)})
-        store.mark(tile)
-        progress.add(_size(store, tile), done.impacts)
+    def cells(tile: int) -> int:
+        return math.prod(_shape(store, tile))
 
-    def do(tiles: list[int], then: Callable[[int, Done], None]) -> None:
-        run_tiles(functools.partial(fill_tile, job), tiles, then, cluster=work.cluster,
-                  threads=work.threads)
+    with work.pending(name, store, cells) as (pending, finished):
+        def filled(tile: int, done: tuple[int, tuple[Orbit, ...]]) -> None:
+            nonlocal known
+            impacts, orbits = done
+            more = known.with_orbits(orbits)
+            if more is not known:
+                known = more
+                store.set_attributes({LATE: _text_of(known.late)})
+            finished(tile, impacts)
 
-    with progress:
-        do(pending, finished)
+        work.run(functools.partial(fill_tile, job), pending, filled)
         if known.late:
             # In the order of their keys: tiles end in any order.
             known = dataclasses.replace(known, late=tuple(
                 sorted(known.late, key=lambda orbit: orbit.key)))
             job = dataclasses.replace(job, catalogue=known)
-            do(list(range(len(store.tiles))), lambda tile, done: store.mark(tile))
+            work.run(functools.partial(fill_tile, job), list(range(len(store.tiles))),
+                     lambda tile, done: store.mark(tile))
     return known
 
 
-def _size(store: Store, tile: int) -> int:
-    return int(np.prod([part.stop - part.start for part in store.tiles[tile].values()]))
+def _shape(store: Store, tile: int) -> tuple[int, int]:
+    part = store.tiles[tile]
+    return (part['velocity'].stop - part['velocity'].start,
+            part['phase'].stop - part['phase'].start)
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:
+    # JSON has neither complex numbers nor infinity.
     return json.dumps([{
         'walls': orbit.walls.tolist(), 'points': orbit.points.tolist(),
         'flight_times': orbit.flight_times.tolist(), 'drive_periods': orbit.drive_periods,
-        'multipliers': [[value.real, value.imag] for value in orbit.multipliers.tolist()],
+        'multipliers': orbit.multipliers.astype(complex).view(float).tolist(),
         'sticks': orbit.sticks,
         'forms': None if orbit.forms is None else [
-            [None if np.isinf(value) else value for value in form]
-            for form in orbit.forms.tolist()],
-    } for orbit in late])
+            [None if math.isinf(value) else value for value in form]
+            for form in orbit.forms.tolist()]} for orbit in late])
 
 
 def _orbits_from(text: str, parameters: Parameters) -> list[Orbit]:
     return [Orbit(
         parameters, np.array(each['walls'], np.int64), np.array(each['points']),
         np.array(each['flight_times']), each['drive_periods'],
-        np.array([complex(*value) for value in each['multipliers']]), each['sticks'],
-        None if each['forms'] is None else np.array([
-            [np.inf if value is None else value for value in form] for form in each['forms']]),
+        np.array(each['multipliers'], np.float64).ravel().view(np.complex128), each['sticks'],
+        None if each['forms'] is None else np.array(
+            [[math.inf if value is None else value for value in form] for form in each['forms']]),
     ) for each in json.loads(text)]

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 import dataclasses
 import math
-from typing import Any, Final, TYPE_CHECKING, TypeAlias, Unpack
+from typing import Any, Final, TypeAlias, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +11,9 @@ import numpy.typing as npt
 from .attractors import describe as describe_attractors
 from .basins import compute_basins, Settings
 from .grid import GRIDS
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import follow_here
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.defaults import (
@@ -28,16 +29,13 @@ from ..core.model import Parameters
 from ..core.words import counted
 from ..store.store import Store
 
-if TYPE_CHECKING:
-    import xarray
-
 NAME: Final = 'lifetimes'
 TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
 # The exponential tail begins at this share of the cap, where no other place is given.
 TAIL: Final = 0.1
 # Bins of the distribution, even in the logarithm.
 BINS: Final = 200
-# Trajectories that many initial conditions share are followed for so many caps.
+# Caps for which trajectories that many initial conditions share are followed.
 FAR: Final = 20
 
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -46,16 +44,13 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 @dataclasses.dataclass(frozen=True)
 class Merged:
     """
-    Initial conditions from which the driven gear sticks.
+    Initial conditions from which the driven gear sticks; many go on as one trajectory.
 
-    Those that leave at the same phase go on as one trajectory.
-
-    A row stands for all that stick after the same number of impacts and go on as the same.
-
-    `stick`, `after`: impacts until the mass sticks, and from there until it settles; `count`,
-    `censored`: initial conditions, and those of them that were given up at the cap; `trajectory`:
-    number of the trajectory that they share; `is_open`: whether that was given up, far beyond the
-    cap, after so many impacts.
+    A row stands for all that stick after the same number of impacts and leave at the same phase.
+    `stick`, `after`: impacts until the driven gear sticks, and from there until it settles;
+    `count`, `censored`: initial conditions, and those of them that were given up at the cap;
+    `trajectory`: number of the trajectory that they share; `is_open`: whether that was given up,
+    far beyond the cap, after these impacts.
     """
 
     stick: IntArray
@@ -168,16 +163,17 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
               tail: int | None = None, tolerance: float = TOLERANCE,
               initial_conditions: int = LIFETIMES_INITIAL_CONDITIONS, seed: int = SEED,
               hold: int = LIFETIMES_HOLD, tile: int | None = None,
-              **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+              **options: Unpack[WorkOptions]) -> Dataset:
     """
     Find how long every cell of a plane is transient; only an orbit or rest ends a transient.
 
+    The dataset has what `basins` has, the distribution of the lifetimes, and `Escape` as
+    attributes.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The cells.
+    parameters, plane
+        The model and the cells.
     cap : int
         Impacts after which a cell is given up.
     tail : int, optional
@@ -186,11 +182,6 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         As `basins` takes them.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        What `basins` has, the distribution of the lifetimes, and `Escape` as attributes.
 
     """
     begin = int(TAIL * cap) if tail is None else tail
@@ -204,27 +195,25 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     escape = estimate_escape(escaped[0], int(censored[0]), begin, merged)
     edges, counts, survival = distribution(np.sum(escaped, axis=0), int(np.sum(censored)))
     store.write_table({
-        'edge': (('edge',), edges, {'long_name': 'edge of a bin', 'units': 'impacts'}),
-        'escapes': (('bin',), counts, {
-            'long_name': 'escapes after edge and up to the next', 'units': '1'}),
-        'survival': (('edge',), survival, {
-            'long_name': 'share of the cells with a longer lifetime', 'units': '1'}),
+        'edge': (('edge',), edges, named('edge of a bin', 'impacts')),
+        'escapes': (('bin',), counts, named('escapes after edge and up to the next')),
+        'survival': (('edge',), survival, named('share of the cells with a longer lifetime')),
     })
     store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
                           for name, value in dataclasses.asdict(escape).items()})
     return store.dataset()
 
 
-def escape_of(dataset: 'xarray.Dataset') -> Escape:
+def escape_of(dataset: Dataset) -> Escape:
     """Read the estimate of a dataset."""
-    values: dict[str, Any] = {field.name: dataset.attrs[f'escape_{field.name}']
-                              for field in dataclasses.fields(Escape)}
-    values = {name: float(value) if isinstance(value, str) else value
-              for name, value in values.items()}
+    values: dict[str, Any] = {
+        field.name: float(value) if isinstance(
+            value := dataset.attrs[f'escape_{field.name}'], str) else value
+        for field in dataclasses.fields(Escape)}
     return Escape(**values)
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """Put lifetimes in words: the attractors, and how transients end."""
     return describe_attractors(dataset, beside=escape_of(dataset).describe())
 
@@ -233,11 +222,11 @@ def parts_of(store: Store, parameters: Parameters, plane: Plane
              ) -> Iterator[tuple[RecordArray, RecordArray]]:
     """Read the initial conditions of a grid and what is stored of their RESULT, tile by tile."""
     for tile, place in enumerate(store.tiles):
-        starts = plane.cells(parameters, place['velocity'], place['phase'])
-        results = np.zeros(len(starts), RESULT)
+        initial = plane.cells(parameters, place['velocity'], place['phase'])
+        results = np.zeros(len(initial), RESULT)
         for name in GRIDS:
             results[name] = store.read(tile, name).ravel()
-        yield starts, results
+        yield initial, results
 
 
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int
@@ -246,12 +235,12 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
     Count lifetimes up to the cap and what was given up there, and gather what is shared.
 
     The first row of both counts is of those that are independent, the second of those from which
-    the mass sticks; each trajectory that these share is followed once.
+    the driven gear sticks; each trajectory that these share is followed once.
     """
     counts, censored = np.zeros((2, cap + 1), np.int64), np.zeros(2, np.int64)
     rows: dict[tuple[float, int], list[int]] = {}
     first: dict[float, RecordArray] = {}
-    for starts, results in parts:
+    for initial, results in parts:
         given_up = results['label'] == UNSETTLED
         is_merged = np.isfinite(results['release'])
         for k, these in enumerate((~is_merged, is_merged)):
@@ -259,7 +248,7 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
             counts[k] += np.bincount(results['lifetime'][these & ~given_up], minlength=cap + 1)
         for cell in np.flatnonzero(is_merged):
             release = float(results['release'][cell])
-            first.setdefault(release, starts[cell:cell + 1])
+            first.setdefault(release, initial[cell:cell + 1])
             row = rows.setdefault((release, int(results['stick'][cell])), [0, 0])
             row[0] += 1
             row[1] += int(given_up[cell])

@@ -2,51 +2,48 @@
 
 import dataclasses
 import functools
+import itertools
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from .diagram import describe as laid_out, Diagram, KINDS, layout_of, STATE, SWEEPS
-from .work import Work, WorkOptions
+from .work import Dataset, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
-from ..attractors.engine import run_tiles
-from ..attractors.plane import Plane
+from ..attractors.listing import named
+from ..attractors.plane import at_parameters, make_initial_conditions, Plane
 from ..attractors.tracks import track
 from ..core.defaults import SEED
-from ..core.flight.lanes import START
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 from ..core.words import counted, in_columns
 from ..store.store import Store
 
-if TYPE_CHECKING:
-    import xarray
-
 NAME = 'orbit_diagram'
 
 
 def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
-                  plane: Plane | None = None, *, columns: int = 780, trajectories: int = LANES,
+                  plane: Plane | None = None, *, columns: int = 780, trajectories: int = 32,
                   keep: int = 2048, hold: int = Window.hold, bins: int = 900,
                   bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
                   sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]
-                  ) -> 'xarray.Dataset':
+                  ) -> Dataset:
     """
     Count impact velocities against alpha, attractor by attractor, with the largest exponent.
 
+    The dataset has counts, key, share, kind, period and exponent over sweep, alpha and attractor.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model, but for alpha.
-    alphas : tuple of float
-        Window of the amplitude [1].
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, alphas
+        The model, and the window of its amplitude [1].
+    plane, seed
+        The window from which initial conditions are drawn, and their seed.
     columns, trajectories : int
         Amplitudes, and trajectories at each.
     keep : int
@@ -56,17 +53,10 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
         chaotic attractor.
     bins, bin_window
         Bins of the velocity, and their window [1].
-    seed : int
-        Of the initial conditions.
     sweeps : tuple of str
         Of 'starts' (many initial conditions at each alpha), 'up' and 'down' (followed).
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over sweep, alpha and attractor: counts, key, share, kind, period, exponent.
 
     """
     return compute(Diagram(
@@ -78,26 +68,19 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
     """Compute a diagram into a store."""
     store = work.begin(layout_of(diagram))
-    pending = store.pending()
     fill = functools.partial(fill_tile, diagram, store.path)
-    settings: dict[str, Any] = {'cluster': work.cluster, 'threads': work.threads}
 
-    with work.report(name, diagram.columns * len(diagram.sweeps)) as progress:
-        progress.skip(sum(_width(store, tile) for tile in range(len(store.tiles)))
-                      - sum(_width(store, tile) for tile in pending))
+    def columns(tile: int) -> int:
+        region = store.tiles[tile]['alpha']
+        return int(region.stop - region.start)
 
-        def finished(tile: int, impacts: int) -> None:
-            store.mark(tile)
-            progress.add(_width(store, tile), impacts)
-
-        run_tiles(fill, [t for t in pending if _sweep(diagram, store, t) == 'starts'], finished,
-                  **settings)
+    with work.pending(name, store, columns) as (pending, finished):
+        many, up, down = ([t for t in pending if _sweep(diagram, store, t) == sweep]
+                          for sweep in SWEEPS)
+        work.run(fill, many, finished)
         # A tile that is followed begins where its neighbour ends: one of each sweep at a time.
-        queues = [[t for t in pending if _sweep(diagram, store, t) == sweep]
-                  for sweep in ('up', 'down')]
-        queues[1].reverse()
-        while any(queues):
-            run_tiles(fill, [queue.pop(0) for queue in queues if queue], finished, **settings)
+        for tiles in itertools.zip_longest(up, reversed(down)):
+            work.run(fill, [tile for tile in tiles if tile is not None], finished)
     write_attractors(store)
     return store
 
@@ -111,18 +94,20 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     ends = np.full((len(columns), LANES, len(STATE)), math.nan)
     found: dict[int, list[Branch]] = {}
     order = list(columns) if sweep != 'down' else list(reversed(columns))
-    starts = None if sweep == 'starts' else _states_before(diagram, store, tile, order[0])
+    is_followed = sweep != 'starts'
+    states = _states_before(diagram, store, tile, order[0]) if is_followed else None
     known: tuple[Orbit, ...] = ()
     for c in order:
         catalogue, found[c] = find_branches(
-            diagram.at(c), diagram.draw(c) if starts is None else starts, diagram.window,
+            diagram.at(c), diagram.draw(c) if states is None else at_parameters(
+                diagram.at(c), states), diagram.window, known)
+        if is_followed:
+            states = catalogue.states
+            ends[c - columns.start, :len(states)] = np.stack(
+                [states[name] for name in STATE], axis=1)
+        else:
             # What is followed knows nothing of what it has left.
-            known if starts is None else ())
-        known = catalogue.orbits
-        if starts is not None:
-            ends[c - columns.start, :len(starts)] = np.stack(
-                [catalogue.states[name] for name in STATE], axis=1)
-            starts = _at(catalogue.states, diagram, c + (1 if sweep == 'up' else -1))
+            known = catalogue.orbits
     values = laid_out([found[c] for c in columns], diagram)
     store.write(tile, {name: value[None] for name, value in {**values, 'end_state': ends}.items()})
     return sum(len(one.states) for c in columns for one in found[c]) * diagram.window.keep
@@ -135,11 +120,11 @@ def write_attractors(store: Store) -> None:
                     kinds == KINDS.index(Kind.CHAOTIC.value),
                     (kinds >= 0) & (kinds != KINDS.index(Kind.UNSETTLED.value)))
     store.write_table({
-        'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), {
-            'long_name': 'number of the attractor, matched from alpha to alpha; -1 none'})})
+        'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), named(
+            'number of the attractor, matched from alpha to alpha; -1 none', None))})
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """List the attractors of a diagram, numbered as in the dataset and in the picture."""
     numbers, alphas, keys = (dataset[name].values for name in ('attractor', 'alpha', 'key'))
     rows = []
@@ -160,32 +145,15 @@ def describe(dataset: 'xarray.Dataset') -> str:
 
 
 def _states_before(diagram: Diagram, store: Store, tile: int, column: int) -> npt.NDArray[np.void]:
-    # The ends of the neighbouring column, or fresh starts at the end of the window.
+    # The ends of the neighbouring column, or fresh initial conditions at the end of the window.
     backwards = -1 if _sweep(diagram, store, tile) == 'up' else 1
     if not 0 <= column + backwards < diagram.columns:
         few = dataclasses.replace(diagram, trajectories=min(diagram.trajectories, LANES))
         return few.draw(column)
     sweep = store.tiles[tile]['sweep'].start
     states = store.read_all('end_state')[sweep, column + backwards]
-    states = states[np.isfinite(states[:, 0])]
-    starts = np.zeros(len(states), START)
-    for k, name in enumerate(STATE):
-        starts[name] = states[:, k]
-    return _at(starts, diagram, column)
-
-
-def _at(states: npt.NDArray[np.void], diagram: Diagram, column: int) -> npt.NDArray[np.void]:
-    starts = states.copy()
-    if 0 <= column < diagram.columns:
-        for name, value in dataclasses.asdict(diagram.at(column)).items():
-            starts[name] = value
-    return starts
+    return make_initial_conditions(diagram.at(column), *states[np.isfinite(states[:, 0])].T)
 
 
 def _sweep(diagram: Diagram, store: Store, tile: int) -> str:
     return diagram.sweeps[store.tiles[tile]['sweep'].start]
-
-
-def _width(store: Store, tile: int) -> int:
-    region = store.tiles[tile]['alpha']
-    return int(region.stop - region.start)

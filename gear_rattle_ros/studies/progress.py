@@ -27,7 +27,7 @@ class Progress:
         self._done = self._impacts = self._before = self._shown = 0
 
     def skip(self, done: int) -> None:
-        """Count things done by an earlier run: they say nothing about the rate."""
+        """Count things done by an earlier run: they do not count for the rate."""
         self._done += done
         self._before += done
 

@@ -1,22 +1,20 @@
 """Impacts counted on the section (phase, velocity): attractors and chaotic transients."""
 
-import dataclasses
 import math
-from typing import Any, Final, TYPE_CHECKING, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
-from .work import Work, WorkOptions
+from .attractors import identity_of
+from .work import Dataset, Work, WorkOptions
 from ..attractors.finding import find_attractors
+from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.defaults import SEED
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
-
-if TYPE_CHECKING:
-    import xarray
 
 NAME: Final = 'section'
 # Trajectories followed at once.
@@ -28,43 +26,35 @@ TABLES: Final = ('orbit_phase', 'orbit_velocity')
 def section(parameters: Parameters, plane: Plane | None = None, *, trajectories: int = 64,
             skip: int = 1000, keep: int = 20_000, bins: tuple[int, int] = (720, 540),
             bin_window: tuple[float, float] = (-2.0, 2.0), seed: int = SEED,
-            **options: Unpack[WorkOptions]) -> 'xarray.Dataset':
+            **options: Unpack[WorkOptions]) -> Dataset:
     """
     Count impacts on the section.
 
+    The dataset has `count` over phase and velocity, of what settled on a periodic orbit and of
+    what did not, and the periodic orbits.
+
     Parameters
     ----------
-    parameters : Parameters
-        The model.
-    plane : Plane, optional
-        The window from which initial conditions are drawn.
+    parameters, plane, seed
+        The model, the window from which initial conditions are drawn, and their seed.
     trajectories, skip, keep : int
         Trajectories, and the impacts of each that are passed over and then counted.
     bins : tuple of int
         Along phase and velocity.
     bin_window : tuple of float
         Velocities that are counted [1].
-    seed : int
-        Of the initial conditions.
     **options
         As `Work` explains them.
-
-    Returns
-    -------
-    xarray.Dataset
-        `count` over phase and velocity, of what settled on a periodic orbit and of what did not,
-        and the periodic orbits.
 
     """
     if not bin_window[0] < bin_window[1]:
         raise ValueError(f'velocity window {bin_window[0]:g} to {bin_window[1]:g} is empty or '
                          'reversed; give the lower end first')
     work, plane = Work(**options), plane or Plane()
-    store = work.begin(_layout({
-        'tool': NAME, **dataclasses.asdict(parameters), 'trajectories': trajectories,
-        'seed': seed, 'displacement': plane.displacement, 'phase_window': list(plane.phase),
-        'initial_velocity_window': list(plane.velocity), 'impacts_skipped': skip,
-        'impacts_counted': keep, 'velocity_window': list(bin_window), 'bins': list(bins)}))
+    store = work.begin(_layout(identity_of(
+        NAME, parameters, plane, trajectories=trajectories, seed=seed,
+        initial_velocity_window=list(plane.velocity), impacts_skipped=skip, impacts_counted=keep,
+        velocity_window=list(bin_window), bins=list(bins))))
     if not store.pending() and all(store.has_table(name) for name in TABLES):
         return store.dataset()
     drawn = plane.draw(parameters, trajectories, seed)
@@ -94,10 +84,9 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
         store.write(kind, {'count': counts[kind][None].astype(np.uint32)})
     found = np.concatenate(points)
     store.write_table({
-        TABLES[0]: (('point',), found[:, 0], {
-            'long_name': 'phase of the impacts of periodic orbits', 'units': 'rad'}),
-        TABLES[1]: (('point',), found[:, 1], {
-            'long_name': 'velocity just before them', 'units': '1'})})
+        TABLES[0]: (('point',), found[:, 0],
+                    named('phase of the impacts of periodic orbits', 'rad')),
+        TABLES[1]: (('point',), found[:, 1], named('velocity just before them'))})
     store.set_attributes({'attractors': repr(catalogue)})
     # Last, as nothing of this is computed again once both are done.
     for kind in (SETTLED, WANDERING):
@@ -105,7 +94,7 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
     return store.dataset()
 
 
-def describe(dataset: 'xarray.Dataset') -> str:
+def describe(dataset: Dataset) -> str:
     """List the attractors that were reached."""
     return str(dataset.attrs['attractors'])
 
@@ -115,11 +104,10 @@ def _layout(identity: dict[str, Any]) -> Layout:
     low, high = identity['velocity_window']
     edges = np.linspace(low, high, velocities + 1)
     return Layout(
-        (Axis('kind', np.array(['settled', 'wandering']), {
-            'long_name': 'on a periodic orbit at the end, or not'}, 1),
-         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), {
-             'long_name': 'velocity before the impact', 'units': '1'}),
-         Axis('phase', (np.arange(phases) + 0.5) * math.tau / phases, {
-             'long_name': 'drive phase', 'units': 'rad'})),
-        (Variable('count', ('kind', 'velocity', 'phase'), '<u4', {
-            'long_name': 'impacts counted', 'units': '1'}),), identity)
+        (Axis('kind', np.array(['settled', 'wandering']),
+              named('on a periodic orbit at the end, or not', None), 1),
+         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]), named('velocity before the impact')),
+         Axis('phase', (np.arange(phases) + 0.5) * math.tau / phases,
+              named('drive phase', 'rad'))),
+        (Variable('count', ('kind', 'velocity', 'phase'), '<u4', named('impacts counted')),),
+        identity)

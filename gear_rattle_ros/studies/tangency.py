@@ -23,7 +23,7 @@ from ..core.orbits.orbit import close_orbit, Orbit
 from ..core.orbits.section import distances
 from ..core.words import counted
 
-# Trajectories are given up after so many impacts.
+# Impacts after which trajectories are given up.
 HOLD: Final = 20_000
 # An orbit is carried on in alpha in steps no longer than this.
 STEP: Final = 2e-3
@@ -33,7 +33,7 @@ SMOOTH: Final = 0.2 * ACROSS / 25.0
 BEYOND: Final = 0.3
 ROOT: Final = 1e-12
 MOST_STEPS: Final = 60
-# The manifold is searched once more at the end, so many times with shifted samples.
+# Searches of the manifold with shifted samples at the end.
 SHIFTS: Final = 5
 # Searches of the manifold in all, nearly.
 SEARCHES: Final = 22 + SHIFTS
@@ -91,8 +91,7 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
     Find the orbit that captures trajectories beyond a crisis, and its saddle.
 
     The crisis lies between `low` and the alpha of the parameters, where all trajectories are
-    captured in the end. ValueError says that none is by a periodic orbit, or that it has no
-    saddle.
+    captured in the end. ValueError where none is by a periodic orbit, or that has no saddle.
     """
     found = find_attractors(parameters, Plane().draw(parameters, 64, seed), hold=HOLD,
                             chaotic=False).attractors
@@ -115,17 +114,17 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
 
 
 def find_tangency(boundary: Boundary, low: float, high: float,
-                  told: Callable[[float, Edge], None] = lambda alpha, edge: None) -> Tangency:
+                  report: Callable[[float, Edge], None] = lambda alpha, edge: None) -> Tangency:
     """
     Find where the unstable manifold of the saddle first crosses its stable one.
 
     Bisection is followed by secants once the distance is smooth; a finer search at the end gives
-    part of the uncertainty. `told` is told of every alpha that was tried. ValueError says that
+    part of the uncertainty. `report` is called with every alpha that was tried. ValueError where
     `low` and `high` do not bracket a crisis.
     """
     def look(alpha: float, near: float | None = None, seed: float = SEED_DISTANCE) -> Edge:
         edge = find_edge(boundary.at(alpha).directions, near=near, seed=seed)
-        told(alpha, edge)
+        report(alpha, edge)
         return edge
 
     below, above = look(low), look(high)
@@ -159,7 +158,7 @@ def find_tangency(boundary: Boundary, low: float, high: float,
     missed = 0.0
     for shift in range(SHIFTS):
         finer = find_edge(there.directions, impacts=100, offset=shift / SHIFTS)
-        told(alpha, finer)
+        report(alpha, finer)
         missed = max(missed, finer.distance / slope)
     uncertainty = max(abs(roots[1][0] - alpha), missed, abs(edge.distance) / slope, 1e-10)
     return Tangency(alpha - missed, uncertainty, edge, boundary.at(alpha).directions,

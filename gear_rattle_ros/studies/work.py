@@ -1,14 +1,24 @@
 """How a study runs and where its dataset is kept: the keywords that every study takes."""
 
+from collections.abc import Callable, Iterator
+import contextlib
 import dataclasses
 from pathlib import Path
 import sys
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, TypeVar
 
 from .progress import Progress
+from ..attractors.engine import run_tiles
 from ..store.layout import Layout
 from ..store.making import make_store
 from ..store.store import Store
+
+if TYPE_CHECKING:
+    import xarray
+
+# Its import takes long.
+Dataset: TypeAlias = 'xarray.Dataset'
+Result = TypeVar('Result')
 
 
 class WorkOptions(TypedDict, total=False):
@@ -27,21 +37,11 @@ class Work:
     """
     How a study runs and where its dataset is kept.
 
-    Attributes
-    ----------
-    store : Path or str, optional
-        Directory of the Zarr store; without one the dataset is in memory only.
-    resume : bool
-        Whether to go on with a store that exists.
-    threads : int, optional
-        By default one for each processor.
-    cluster : str, optional
-        Address of a Dask scheduler, whose workers see the store.
-    command : str
-        The command line that does the same, kept in the dataset.
-    progress : bool, optional
-        Whether to report progress on stderr; by default where that is a terminal.
-
+    `store` is the directory of the Zarr store; without one the dataset is in memory only.
+    `resume` goes on with a store that exists. `threads` is by default one for each processor;
+    `cluster` is the address of a Dask scheduler whose workers see the store. `command`, the
+    command line that does the same, is kept in the dataset. `progress` is reported on stderr, by
+    default where that is a terminal.
     """
 
     store: Path | str | None = None
@@ -60,3 +60,27 @@ class Work:
         """Begin to report progress; `total` counts initial conditions or the like."""
         reports = sys.stderr.isatty() if self.progress is None else self.progress
         return Progress(name, total, sys.stderr, quiet=not reports)
+
+    def run(self, fill: Callable[[int], Result], tiles: list[int],
+            finished: Callable[[int, Result], None]) -> None:
+        """Fill tiles on the threads or the cluster, as `run_tiles` does."""
+        run_tiles(fill, tiles, finished, cluster=self.cluster, threads=self.threads)
+
+    @contextlib.contextmanager
+    def pending(self, name: str, store: Store, size: Callable[[int], int]
+                ) -> Iterator[tuple[list[int], Callable[[int, int], None]]]:
+        """
+        Report the progress of a store; give its pending tiles, and what marks one as done.
+
+        The latter takes the tile and its impacts; `size` is what a tile counts for.
+        """
+        pending = store.pending()
+        total = sum(map(size, range(len(store.tiles))))
+        with self.report(name, total) as progress:
+            progress.skip(total - sum(map(size, pending)))
+
+            def finished(tile: int, impacts: int) -> None:
+                store.mark(tile)
+                progress.add(size(tile), impacts)
+
+            yield pending, finished

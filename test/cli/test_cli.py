@@ -1,5 +1,7 @@
 """Bad input is refused in one line; Ctrl-C keeps what is done and says how to go on."""
 
+import importlib
+import inspect
 import json
 import shlex
 import signal
@@ -61,6 +63,23 @@ def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path
     assert said.err.startswith(f'{tool}: ')
     assert words in said.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('name', [
+    'attractors', 'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'orbit_diagram',
+    'section'])
+def test_options_and_functions_have_the_same_defaults(name):
+    """The command without options does what the function without arguments does."""
+    parser = Parser(name)
+    importlib.import_module(f'gear_rattle_ros.cli.{name}').main.add_options(parser)
+    given = vars(parser.parse_args([]))
+    study = getattr(importlib.import_module(f'gear_rattle_ros.studies.{name}'), name)
+    takes = inspect.signature(study).parameters
+    if 'alphas' in takes:
+        given['alphas'] = given['alpha']
+    shared = set(takes) & set(given)
+    assert shared
+    assert {key: given[key] for key in shared} == {key: takes[key].default for key in shared}
 
 
 def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
@@ -143,7 +162,7 @@ def test_every_dataset_says_what_it_is(tmp_path, tool):
     attributes = dataset.attrs
     assert (attributes['tool'], attributes['beta'], attributes['seed']) == (tool, 0.11, 1)
     for name in ('alpha', 'gamma', 'restitution', 'displacement', 'phase_window',
-                 'velocity_window', 'tolerance', 'hold', 'starts', 'created', 'title'):
+                 'velocity_window', 'tolerance', 'hold', 'initial_conditions', 'created', 'title'):
         assert name in attributes
     assert attributes['command'] == shlex.join(
         ['ros2', 'run', 'gear_rattle_ros', tool, *options])

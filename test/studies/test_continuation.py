@@ -255,7 +255,7 @@ def test_rest_is_one_attractor_at_every_alpha(tmp_path):
     assert main(['--beta', '0', '--gamma', '0.16', '--alpha', '0.151', '0.167', '--columns', '5',
                  '--trajectories', '32', '--hold', '2000', '--output', str(path)]) == 0
     table = open_dataset(path)
-    rests = np.char.startswith(table.key.values[0].astype(str), 'rest')
+    rests = np.strings.startswith(table.key.values[0], 'rest')
     assert np.array_equal(rests.any(axis=1), table.alpha.values < 0.16)
     assert len(set(table.attractor.values[0][rests])) == 1
     ends = table.event_kind.values[table.event_orbit.values == 'rest-upper']
