@@ -67,7 +67,7 @@ def test_every_tool_is_among_them() -> None:
 
 @pytest.mark.parametrize('tool', PICTURES)
 def test_letters_stay_letters(again: Callable[..., list[Path]], tool: str) -> None:
-    """TrueType in PDF, no font of Type 3; words in SVG, the title among them."""
+    """Fonts are TrueType in PDF, no font of Type 3; words in SVG, the title among them."""
     for path in again(tool, 'fonts.pdf', title=TITLE):
         content = path.read_bytes()
         assert b'/Type3' not in content and b'/FontFile2' in content
