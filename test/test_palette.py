@@ -36,10 +36,25 @@ def lab(colour: str, seen: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize('vision', VISION)
-def test_attractors_are_told_apart(vision):
-    """Six of them, what has not settled, and the paper: a difference of 2 is just seen."""
-    seen = [lab(colour, VISION[vision]) for colour in (*HUES[:6], ENDS[UNSETTLED], '#ffffff')]
-    assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)) > 12.0
+@pytest.mark.parametrize(('colours', 'least'), [
+    ((*HUES[:6], ENDS[UNSETTLED], '#ffffff'), 28.1), ((*HUES, *ENDS.values(), '#ffffff'), 20.2)])
+def test_attractors_are_told_apart(colours, least, vision):
+    """Six of them, what has not settled, and the paper; then all: 2 is just seen."""
+    seen = [lab(colour, VISION[vision]) for colour in colours]
+    assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)) > least
+
+
+def test_the_first_attractors_are_told_apart_in_grey_print():
+    """By lightness alone; and none of the first six is too faint on white."""
+    lightness = sorted(lab(colour, VISION['normal'])[0] for colour in HUES[:4])
+    assert min(np.diff(lightness)) > 10.4
+    assert max(lab(colour, VISION['normal'])[0] for colour in HUES[:6]) < 72.0
+
+
+def test_lab_is_that_of_the_books():
+    """Red and blue of sRGB, as Lindbloom tabulates them for D65."""
+    assert lab('#ff0000', VISION['normal']) == pytest.approx([53.24, 80.09, 67.20], abs=0.1)
+    assert lab('#0000ff', VISION['normal']) == pytest.approx([32.30, 79.19, -107.86], abs=0.1)
 
 
 def test_an_attractor_has_one_colour_in_all_pictures():
