@@ -13,9 +13,10 @@ import pytest
 from gear_rattle_ros.attractors import engine
 from gear_rattle_ros.attractors.engine import EngineError, run_tiles
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.cli import attractors
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies import attractors, grid as tiles_module
+from gear_rattle_ros.studies import grid as tiles_module
 
 
 @pytest.mark.parametrize('threads', [1, 2, 5])
