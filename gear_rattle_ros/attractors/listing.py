@@ -1,7 +1,7 @@
 """Attractors as a table in plain text, from the arrays in which a dataset keeps them."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from ..core.words import counted, in_columns
 
@@ -9,6 +9,12 @@ from ..core.words import counted, in_columns
 def named(long_name: str, units: str | None = '1') -> dict[str, str]:
     """Return the attributes of an array of a dataset."""
     return {'long_name': long_name} | ({} if units is None else {'units': units})
+
+
+# What a table needs of a dataset.
+COLUMNS: Final = tuple(f'attractor_{name}' for name in (
+    'label', 'key', 'kind', 'share', 'share_error', 'impacts', 'drive_periods', 'multiplier_real',
+    'multiplier_imaginary', 'pieces', 'exponent', 'exponent_error'))
 
 
 def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None) -> str:

@@ -80,15 +80,15 @@ class Command:
                     for name, value in vars(given).items() if name in takes}
         if 'alphas' in takes:
             keywords['alphas'] = tuple(given.alpha)
-        dataset = study(
+        store = study.compute(
             model_of(given), plane=plane, **keywords | self.keywords(given), store=output,
             resume=given.resume, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
-        print(module.describe(dataset))
+        print(module.describe(store))
         print(output)
         if picture is not None:
             from ..figures.draw import save
-            for path in save(dataset, picture, **looks_of(given) | self.looks(given)):
+            for path in save(store.dataset(), picture, **looks_of(given) | self.looks(given)):
                 print(path)
 
 

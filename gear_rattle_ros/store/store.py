@@ -11,7 +11,7 @@ import itertools
 import json
 from pathlib import Path
 import shutil
-from typing import Any, Final, TYPE_CHECKING
+from typing import Any, Final, NamedTuple, TYPE_CHECKING
 import weakref
 
 import numpy as np
@@ -35,6 +35,12 @@ if TYPE_CHECKING:
 
 DONE: Final = 'tile_done'
 IDENTITY: Final = 'identity'
+
+
+class Loaded(NamedTuple):
+    """An array in memory."""
+
+    values: npt.NDArray[Any]
 
 
 class Store:
@@ -81,6 +87,12 @@ class Store:
     def attributes(self) -> dict[str, Any]:
         """Return the attributes of the store."""
         return dict(self._group.attrs)
+
+    attrs = attributes
+
+    def __getitem__(self, name: str) -> Loaded:
+        """Return what has the `values` of an array, as a dataset does."""
+        return Loaded(self.read_all(name))
 
     def pending(self) -> list[int]:
         """List the numbers of the tiles that are still to be done."""

@@ -4,10 +4,10 @@ import dataclasses
 import json
 from typing import Any, Final, Unpack
 
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue, table_of
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
-from ..attractors.listing import listed
+from ..attractors.listing import COLUMNS, listed
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
@@ -18,10 +18,11 @@ NAME: Final = 'attractors'
 TITLE: Final = 'Attractors of the gear-rattling model'
 
 
+@Study
 def attractors(parameters: Parameters, plane: Plane | None = None, *,
                tolerance: float = TOLERANCE, hold: int = HOLD,
                initial_conditions: int = INITIAL_CONDITIONS, seed: int = SEED,
-               **options: Unpack[WorkOptions]) -> Dataset:
+               **options: Unpack[WorkOptions]) -> Store:
     """
     Find every attractor that random initial conditions reach, as a dataset.
 
@@ -50,10 +51,10 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
         tolerance=tolerance, hold=hold, threads=work.threads, cluster=work.cluster)
     write_attractors(store, catalogue)
     store.mark(0)
-    return store.dataset()
+    return store
 
 
-def describe(dataset: Dataset, cells: dict[int, int] | None = None, beside: str = '') -> str:
+def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str = '') -> str:
     """
     Put the attractors of a dataset in words, with the cells of a grid by label.
 
@@ -61,18 +62,17 @@ def describe(dataset: Dataset, cells: dict[int, int] | None = None, beside: str 
     """
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES
-    columns = {str(name): dataset[name].values for name in dataset.variables
-               if str(name).startswith('attractor_')}
+    columns = {name: dataset[name].values for name in COLUMNS}
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
 
-def parameters_of(dataset: Dataset) -> Parameters:
+def parameters_of(dataset: Arrays) -> Parameters:
     """Read the model of a dataset."""
     return Parameters(**{field.name: dataset.attrs[field.name]
                          for field in dataclasses.fields(Parameters)})
 
 
-def plane_of(dataset: Dataset) -> Plane:
+def plane_of(dataset: Arrays) -> Plane:
     """Read the plane of initial conditions of a dataset."""
     a = dataset.attrs
     return Plane(a['displacement'], tuple(a['phase_window']), tuple(a['velocity_window']),

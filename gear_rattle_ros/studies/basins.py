@@ -12,7 +12,7 @@ from .attractors import (
     write_attractors,
 )
 from .grid import compute_grid, grid_layout
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane
@@ -44,10 +44,11 @@ class Settings:
     tile: int | None = None
 
 
+@Study
 def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BASINS_CAP,
            tolerance: float = TOLERANCE, initial_conditions: int = INITIAL_CONDITIONS,
            seed: int = SEED, hold: int = HOLD, tile: int | None = None,
-           **options: Unpack[WorkOptions]) -> Dataset:
+           **options: Unpack[WorkOptions]) -> Store:
     """
     Find on which attractor every cell of a plane settles.
 
@@ -72,7 +73,7 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
 
     """
     settings = Settings(cap, tolerance, initial_conditions, seed, hold, tile=tile)
-    return compute_basins(parameters, plane or Plane(), Work(**options), settings)[0].dataset()
+    return compute_basins(parameters, plane or Plane(), Work(**options), settings)[0]
 
 
 def compute_basins(parameters: Parameters, plane: Plane, work: Work, settings: Settings,
@@ -94,13 +95,13 @@ def compute_basins(parameters: Parameters, plane: Plane, work: Work, settings: S
     return store, catalogue
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """Put basins in words: the attractors with their cells, and what is unsettled."""
     labels, numbers = np.unique(dataset['label'].values, return_counts=True)
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
     return describe_attractors(dataset, cells, (
         f'unsettled after {counted(dataset.attrs["cap"], "impact")}: '
-        f'{cells.get(UNSETTLED, 0):,} of {counted(dataset["label"].size, "cell")}'))
+        f'{cells.get(UNSETTLED, 0):,} of {counted(dataset["label"].values.size, "cell")}'))
 
 
 def magnifications(plane: Plane, levels: int, phase: float | None, velocity: float | None,

@@ -7,7 +7,7 @@ import numpy as np
 from .bifurcations import Event, events_of, HEADING, searches_of
 from .diagram import Diagram
 from .orbit_diagram import compute
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.columns import Window
 from ..attractors.listing import named
 from ..attractors.plane import Plane
@@ -20,10 +20,11 @@ NAME: Final = 'continuation'
 BINS: Final = 1200
 
 
+@Study
 def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
                  plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
                  keep: int = 512, hold: int = HOLD, tolerance: float = 1e-7, seed: int = SEED,
-                 **options: Unpack[WorkOptions]) -> Dataset:
+                 **options: Unpack[WorkOptions]) -> Store:
     """
     Follow attractors and their shares across alpha; locate where they are born, double and end.
 
@@ -56,10 +57,10 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     with work.report('continuation, searches for events', searches_of(diagram, store)) as progress:
         events = events_of(diagram, store, tolerance, hold, progress.add)
     write_events(store, events)
-    return store.dataset()
+    return store
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """List the events of a dataset."""
     return str(dataset.attrs['events'])
 

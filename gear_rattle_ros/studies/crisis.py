@@ -8,7 +8,7 @@ exponent of the lifetimes.
 
 import dataclasses
 import math
-from typing import Any, Final, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from .attractors import require_window
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
 from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.defaults import SEED
@@ -31,10 +31,11 @@ PAPER_BRACKET: Final = (1.230, 1.244)
 BEFORE: Final = 100_000
 
 
+@Study
 def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
            plane: Plane | None = None, *, beyond: tuple[float, float] = (4e-6, 4e-4),
            rates: int = 20, escapes: int = 80, skip: int = 300, limit: int = 50_000_000,
-           seed: int = SEED, **options: Unpack[WorkOptions]) -> Dataset:
+           seed: int = SEED, **options: Unpack[WorkOptions]) -> Store:
     """
     Locate a boundary crisis, by the tangency of manifolds and by escape rates.
 
@@ -73,7 +74,7 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
         tuple(one.captor.points for one in boundaries),
         min(radius_of(one) for one in boundaries)), tangency, work)
     write_law(store)
-    return store.dataset()
+    return store
 
 
 def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
@@ -109,9 +110,9 @@ def write_law(store: Store) -> None:
                           'exponent_at_tangency_error': exponent_error, 'paper_alpha': PAPER})
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """Put a crisis in words."""
-    a: dict[str, Any] = dataset.attrs
+    a = dataset.attrs
     law = LifetimeLaw(**{field.name: a[f'law_{field.name}']
                          for field in dataclasses.fields(LifetimeLaw)})
     alpha, apart = a['tangency_alpha'], law.alpha_c - a['tangency_alpha']
@@ -129,9 +130,9 @@ def describe(dataset: Dataset) -> str:
             ['escape rates, alpha_c given', f'{alpha:.10f}',
              f'{a["exponent_at_tangency"]:.3f} +- {a["exponent_at_tangency_error"]:.3f}']]),
         f'both places differ by {apart:.1g}, {abs(apart) / law.alpha_c_error:.1f} standard errors',
-        f'before it, at alpha = {float(dataset["alpha"][0]):.7f}: '
-        f'{counted(int(dataset["escapes"][0]), "escape")} in '
-        f'{float(dataset["at_risk"][0]):.3g} impacts',
+        f'before it, at alpha = {dataset["alpha"].values[0]:.7f}: '
+        f'{counted(dataset["escapes"].values[0], "escape")} in '
+        f'{dataset["at_risk"].values[0]:.3g} impacts',
         f'the paper prints alpha_c = {PAPER}; the difference is {alpha - PAPER:+.7f}, and its '
         f'bracket {PAPER_BRACKET[0]:.3f} to {PAPER_BRACKET[1]:.3f} '
         f'{"holds" if inside else "does not hold"} what is found here']

@@ -6,7 +6,7 @@ import numpy as np
 
 from .attractors import identity_of
 from .grid import axes_of
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
@@ -19,6 +19,7 @@ from ..core.many.growth import grow, STEPS
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.layout import Layout, Variable
+from ..store.store import Store
 
 NAME: Final = 'exponents'
 # Cells along the edge of a tile.
@@ -44,9 +45,10 @@ def finite_time_exponents(initial: StartArray, count: int, threads: int | None =
     return exponents
 
 
+@Study
 def exponents(parameters: Parameters, plane: Plane | None = None, *,
               impacts: int = EXPONENT_IMPACTS, **options: Unpack[WorkOptions]
-              ) -> Dataset:
+              ) -> Store:
     """
     Find how fast neighbouring trajectories of every cell of a plane diverge or converge.
 
@@ -81,10 +83,10 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
             store.write(tile, {'exponent': values.reshape(
                 tuple(each.stop - each.start for each in part.values()))})
             finished(tile, impacts * len(cells))
-    return store.dataset()
+    return store
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """Put finite-time exponents in words."""
     values = dataset['exponent'].values
     finite = values[np.isfinite(values)]

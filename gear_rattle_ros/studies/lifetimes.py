@@ -11,7 +11,7 @@ import numpy.typing as npt
 from .attractors import describe as describe_attractors
 from .basins import compute_basins, Settings
 from .grid import GRIDS
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import follow_here
 from ..attractors.listing import named
 from ..attractors.plane import Plane
@@ -159,11 +159,12 @@ def distribution(counts: IntArray, censored: int
     return edges, np.diff(below), 1.0 - below / max(int(np.sum(counts)) + censored, 1)
 
 
+@Study
 def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = LIFETIMES_CAP,
               tail: int | None = None, tolerance: float = TOLERANCE,
               initial_conditions: int = LIFETIMES_INITIAL_CONDITIONS, seed: int = SEED,
               hold: int = LIFETIMES_HOLD, tile: int | None = None,
-              **options: Unpack[WorkOptions]) -> Dataset:
+              **options: Unpack[WorkOptions]) -> Store:
     """
     Find how long every cell of a plane is transient; only an orbit or rest ends a transient.
 
@@ -201,10 +202,10 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     })
     store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
                           for name, value in dataclasses.asdict(escape).items()})
-    return store.dataset()
+    return store
 
 
-def escape_of(dataset: Dataset) -> Escape:
+def escape_of(dataset: Arrays) -> Escape:
     """Read the estimate of a dataset."""
     values: dict[str, Any] = {
         field.name: float(value) if isinstance(
@@ -213,7 +214,7 @@ def escape_of(dataset: Dataset) -> Escape:
     return Escape(**values)
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """Put lifetimes in words: the attractors, and how transients end."""
     return describe_attractors(dataset, beside=escape_of(dataset).describe())
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .diagram import describe as laid_out, Diagram, KINDS, layout_of, STATE, SWEEPS
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
 from ..attractors.listing import named
@@ -27,12 +27,13 @@ from ..store.store import Store
 NAME = 'orbit_diagram'
 
 
+@Study
 def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
                   plane: Plane | None = None, *, columns: int = 780, trajectories: int = 32,
                   keep: int = 2048, hold: int = Window.hold, bins: int = 900,
                   bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
                   sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]
-                  ) -> Dataset:
+                  ) -> Store:
     """
     Count impact velocities against alpha, attractor by attractor, with the largest exponent.
 
@@ -62,7 +63,7 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
     return compute(Diagram(
         parameters, alphas, columns, plane or Plane(), trajectories, seed,
         Window(keep, *bin_window, bins, hold),
-        tuple(sweep for sweep in SWEEPS if sweep in sweeps)), Work(**options)).dataset()
+        tuple(sweep for sweep in SWEEPS if sweep in sweeps)), Work(**options))
 
 
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
@@ -124,7 +125,7 @@ def write_attractors(store: Store) -> None:
             'number of the attractor, matched from alpha to alpha; -1 none', None))})
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """List the attractors of a diagram, numbered as in the dataset and in the picture."""
     numbers, alphas, keys = (dataset[name].values for name in ('attractor', 'alpha', 'key'))
     rows = []

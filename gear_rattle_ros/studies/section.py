@@ -6,7 +6,7 @@ from typing import Any, Final, Unpack
 import numpy as np
 
 from .attractors import identity_of
-from .work import Dataset, Work, WorkOptions
+from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import Plane
@@ -15,6 +15,7 @@ from ..core.defaults import SEED
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
+from ..store.store import Store
 
 NAME: Final = 'section'
 # Trajectories followed at once.
@@ -23,10 +24,11 @@ SETTLED, WANDERING = 0, 1
 TABLES: Final = ('orbit_phase', 'orbit_velocity')
 
 
+@Study
 def section(parameters: Parameters, plane: Plane | None = None, *, trajectories: int = 64,
             skip: int = 1000, keep: int = 20_000, bins: tuple[int, int] = (720, 540),
             bin_window: tuple[float, float] = (-2.0, 2.0), seed: int = SEED,
-            **options: Unpack[WorkOptions]) -> Dataset:
+            **options: Unpack[WorkOptions]) -> Store:
     """
     Count impacts on the section.
 
@@ -56,7 +58,7 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
         initial_velocity_window=list(plane.velocity), impacts_skipped=skip, impacts_counted=keep,
         velocity_window=list(bin_window), bins=list(bins))))
     if not store.pending() and all(store.has_table(name) for name in TABLES):
-        return store.dataset()
+        return store
     drawn = plane.draw(parameters, trajectories, seed)
     catalogue = find_attractors(parameters, drawn, hold=skip + keep, threads=work.threads)
     counts = np.zeros((2, bins[1], bins[0]))
@@ -91,10 +93,10 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
     # Last, as nothing of this is computed again once both are done.
     for kind in (SETTLED, WANDERING):
         store.mark(kind)
-    return store.dataset()
+    return store
 
 
-def describe(dataset: Dataset) -> str:
+def describe(dataset: Arrays) -> str:
     """List the attractors that were reached."""
     return str(dataset.attrs['attractors'])
 
