@@ -56,7 +56,7 @@ class Command:
 
     def _run(self, given: argparse.Namespace, command: str) -> int:
         require_picture(given.picture)
-        output = given.output or Path(self.output.format_map(vars(given)))
+        path = output = given.output or Path(self.output.format_map(vars(given)))
         try:
             from .compilation import reporting_compilation
             with reporting_compilation(self.name, sys.stderr):
@@ -69,7 +69,7 @@ class Command:
                     self._study(given, plane, path, picture, command)
             return 0
         except KeyboardInterrupt:
-            return _report_stop(self.name, output, command)
+            return _report_stop(self.name, path, command)
 
     def _study(self, given: argparse.Namespace, plane: 'Plane', output: Path,
                picture: Path | None, command: str) -> None:

@@ -133,7 +133,11 @@ def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged 
     each = np.concatenate([
         np.where(late, begin + rate.mean, lived),
         merged.stick + merged.after + np.where(merged.is_open, rate.mean, 0.0)])
-    mean, spread = _mean_and_spread(each, np.concatenate([numbers, merged.count]))
+    weights = np.concatenate([numbers, merged.count])
+    each, weights = each[weights > 0], weights[weights > 0]
+    mean = float(np.average(each, weights=weights))
+    spread = mean if math.isinf(mean) else math.sqrt(float(
+        np.average((each - mean)**2, weights=weights)))
     together = np.bincount(merged.trajectory, merged.count * merged.is_open)
     errors = [size * rate.mean for size in together if size]
     if in_tail:
@@ -263,11 +267,3 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
         np.array([stick for _, stick in rows]),
         (followed['lifetime'] - followed['stick'])[trajectory], numbers[:, 0], numbers[:, 1],
         trajectory, (followed['label'] == UNSETTLED)[trajectory])
-
-
-def _mean_and_spread(values: FloatArray, counts: IntArray) -> tuple[float, float]:
-    some = counts > 0
-    mean = float(np.average(values[some], weights=counts[some]))
-    if math.isinf(mean):
-        return mean, mean
-    return mean, math.sqrt(float(np.average((values[some] - mean)**2, weights=counts[some])))
