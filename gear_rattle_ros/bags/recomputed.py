@@ -40,7 +40,6 @@ class Stretch:
         self.begun_by = EventKind.RESET if self.is_whole else None
 
     def take(self, events: EventArray) -> None:
-        """Follow the epochs."""
         begins = events[events['kind'] >= EventKind.RETUNE]
         if len(begins):
             self.start, self.begun_by = int(begins[-1]['index']), int(begins[-1]['kind'])
@@ -181,7 +180,6 @@ class Transients(Recomputed):
         self._detectors = [TransientDetector(self._tolerance)]
 
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
-        """Take the next batch, as `Exponents.take` does."""
         first = events[0]
         if stamp != self._stamp:
             self._end_stamp()

@@ -77,7 +77,6 @@ class Page:
         self._click(phase, velocity)
 
     def close(self) -> None:
-        """Stop all work for this page."""
         self._worker.stop()
         self._saving.stop()
 
