@@ -26,7 +26,7 @@ class Specification:
     unit: str = '1'
     low: float | None = None
     high: float | None = None
-    read_only: bool = False
+    read_only: bool = True
 
     def descriptor(self) -> msg.ParameterDescriptor:
         descriptor = msg.ParameterDescriptor(
@@ -71,111 +71,99 @@ _OF_ROS: Final = ('use_sim_time', 'qos_overrides.', 'start_type_description_serv
 _BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
 
 SIMULATOR: Final = (
-    Specification('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
-    Specification('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
+    Specification('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM,
+                  read_only=False),
+    Specification('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM, read_only=False),
     Specification('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM,
-                  high=model.GAMMA_MAXIMUM),
-    Specification('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0),
+                  high=model.GAMMA_MAXIMUM, read_only=False),
+    Specification('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0,
+                  read_only=False),
     Specification('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
-                  high=simulation.NOISE_MAXIMUM),
+                  high=simulation.NOISE_MAXIMUM, read_only=False),
     Specification('rate', 100.0, 'speed; 0 = as fast as the readers keep up',
-                  'drive periods per second', 0.0, 1e7),
+                  'drive periods per second', 0.0, 1e7, read_only=False),
     Specification('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0,
-                  high=model.ALPHA_MAXIMUM),
+                  high=model.ALPHA_MAXIMUM, read_only=False),
     Specification('alpha_rate', 0.0, 'change of alpha at the end of every drive period until it '
                   'reaches alpha_target; 0 = no ramp; it becomes 0 when the ramp ends or alpha is '
-                  'set', '1 per drive period', 0.0, 1.0),
+                  'set', '1 per drive period', 0.0, 1.0, read_only=False),
     Specification('initial_phase', 0.0, 'initial drive phase, also after a reset', 'rad', 0.0,
-                  _BELOW_TWO_PI),
+                  _BELOW_TWO_PI, read_only=False),
     Specification('initial_displacement', 0.0, 'initial displacement, also after a reset',
-                  low=-1.0, high=0.0),
+                  low=-1.0, high=0.0, read_only=False),
     Specification('initial_velocity', -0.5, 'initial velocity, also after a reset',
-                  low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
+                  low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM, read_only=False),
     Specification('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
-                  simulation.SEED_MAXIMUM),
+                  simulation.SEED_MAXIMUM, read_only=False),
     Specification('omega', 2.0 * math.pi, 'drive frequency, for the stamps: time is tau/omega',
-                  'rad/s', 1e-6, 1e9, read_only=True),
-    Specification('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0,
-                  read_only=True),
-    Specification('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0,
-                  read_only=True),
+                  'rad/s', 1e-6, 1e9),
+    Specification('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0),
+    Specification('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0),
     Specification('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9,
-                  1.0, read_only=True),
-    Specification('publish_clock', False, 'publish the simulated time on /clock', '',
-                  read_only=True),
+                  1.0),
+    Specification('publish_clock', False, 'publish the simulated time on /clock', ''),
     Specification('wait_for_readers', 0, 'begin when impacts has this number of subscriptions',
-                  'subscriptions', 0, 1000, read_only=True),
+                  'subscriptions', 0, 1000),
 )
 LYAPUNOV: Final = (
-    Specification('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0,
-                  read_only=True),
-    Specification('window', 1000, 'impacts in the finite-time exponent', 'impacts', 1, 1000000,
-                  read_only=True),
+    Specification('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0),
+    Specification('window', 1000, 'impacts in the finite-time exponent', 'impacts', 1, 1000000),
 )
 TRANSIENTS: Final = (
     Specification('tolerance', 1e-3, 'largest distance from an orbit in phase and velocity',
-                  low=1e-9, high=0.1, read_only=True),
+                  low=1e-9, high=0.1),
 )
 BASIN: Final = (
     Specification('size', 800, 'edge of the finest picture; the first has 50, each next one twice '
-                  'as many', 'cells', 50, 4000, read_only=True),
+                  'as many', 'cells', 50, 4000),
     Specification('plane', 'section', 'plane of the initial conditions: section (on the wall they '
-                  'move towards, so that every impact lies in its own basin) or displacement', '',
-                  read_only=True),
+                  'move towards, so that every impact lies in its own basin) or displacement', ''),
     Specification('displacement', 0.0, 'displacement of all initial conditions where plane = '
-                  'displacement', low=-1.0, high=0.0, read_only=True),
+                  'displacement', low=-1.0, high=0.0),
     Specification('velocity_limit', 0.0, 'highest velocity of the plane, in both directions; 0 = '
-                  'chosen to suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM,
-                  read_only=True),
+                  'chosen to suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM),
     Specification('cap', 20000, 'impacts after which an initial condition counts as unsettled',
-                  'impacts', 100, 10000000, read_only=True),
-    Specification('threads', 2, 'number of computing threads', 'threads', 1, 256, read_only=True),
+                  'impacts', 100, 10000000),
+    Specification('threads', 2, 'number of computing threads', 'threads', 1, 256),
     Specification('niceness', 10, 'niceness of the first picture: 0 = as important as other '
-                  'processes, 19 = least, as for finer pictures', '', 0, 19, read_only=True),
+                  'processes, 19 = least, as for finer pictures', '', 0, 19),
 )
 RECORDER: Final = (
-    Specification('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', '',
-                  read_only=True),
-    Specification('compression', 'zstd', 'compression of the chunks: zstd, lz4 or none', '',
-                  read_only=True),
+    Specification('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', ''),
+    Specification('compression', 'zstd', 'compression of the chunks: zstd, lz4 or none', ''),
     Specification('max_bag_size', 0, 'size at which another file of the bag begins; 0 = never',
-                  'bytes', 0, 2**53, read_only=True),
+                  'bytes', 0, 2**53),
     Specification('max_bag_duration', 3600, 'duration at which another file begins; the index of '
-                  'a file is in memory until then; 0 = never', 's', 0, 10**9, read_only=True),
+                  'a file is in memory until then; 0 = never', 's', 0, 10**9),
 )
 REPLAY: Final = (
-    Specification('bag', '', 'bag directory or .mcap file', '', read_only=True),
+    Specification('bag', '', 'bag directory or .mcap file', ''),
     Specification('speed', 1.0, 'speed in units of the recorded one; 0 = as fast as the readers '
-                  'keep up', '1', 0.0, 1e6, read_only=True),
-    Specification('start', 0.0, 'time after the first message at which to begin', 's', 0.0, 1e12,
-                  read_only=True),
+                  'keep up', '1', 0.0, 1e6),
+    Specification('start', 0.0, 'time after the first message at which to begin', 's', 0.0, 1e12),
     Specification('end', 0.0, 'time after the first message at which to stop; 0 = at the end', 's',
-                  0.0, 1e12, read_only=True),
-    Specification('loop', False, 'begin again at the end', '', read_only=True),
-    Specification('clock', False, 'publish the recorded time on /clock', '', read_only=True),
+                  0.0, 1e12),
+    Specification('loop', False, 'begin again at the end', ''),
+    Specification('clock', False, 'publish the recorded time on /clock', ''),
     Specification('topics', '', 'names of topics, separated by blanks; empty = all but '
-                  '/diagnostics and /parameter_events', '', read_only=True),
+                  '/diagnostics and /parameter_events', ''),
     Specification('wait_for_readers', 0, 'begin when a topic has this number of subscriptions; 0 '
-                  '= when the number has not changed for 1 s', 'subscriptions', 0, 1000,
-                  read_only=True),
+                  '= when the number has not changed for 1 s', 'subscriptions', 0, 1000),
 )
 VIEWER: Final = (
     Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '
-                  'is a display, else web, or none beside a file', '', read_only=True),
-    Specification('save', '', 'file to write, too (.rrd); empty = none', '', read_only=True),
-    Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535, read_only=True),
-    Specification('colour', 'age', 'quantity that colours the section: age or alpha', '',
-                  read_only=True),
+                  'is a display, else web, or none beside a file', ''),
+    Specification('save', '', 'file to write, too (.rrd); empty = none', ''),
+    Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
+    Specification('colour', 'age', 'quantity that colours the section: age or alpha', ''),
 )
 TELEOP: Final = (
-    Specification('simulator', 'simulator', 'name of the node to steer, in any namespace', '',
-                  read_only=True),
-    Specification('coarse', 0.01, 'step of alpha by an arrow key', low=1e-12, high=10.0,
-                  read_only=True),
+    Specification('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),
+    Specification('coarse', 0.01, 'step of alpha by an arrow key', low=1e-12, high=10.0),
     Specification('fine', 0.0005, 'step of alpha by an arrow key with shift', low=1e-12,
-                  high=10.0, read_only=True),
+                  high=10.0),
     Specification('ramp_rate', 1e-5, 'change of alpha in a ramp where none is typed',
-                  '1 per drive period', 1e-12, 1.0, read_only=True),
+                  '1 per drive period', 1e-12, 1.0),
 )
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'simulator': SIMULATOR, 'lyapunov': LYAPUNOV, 'transients': TRANSIENTS, 'basin': BASIN,

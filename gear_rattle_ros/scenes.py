@@ -42,7 +42,7 @@ class Step:
 
     @property
     def ramps_to(self) -> float | None:
-        """Return the alpha at which a ramp of this step ends [1]; None without a ramp."""
+        """Return the alpha at which the ramp of this step ends [1]; None without a ramp."""
         ramps = self.parameters.get('alpha_rate', 0.0) > 0.0
         return float(self.parameters['alpha_target']) if ramps else None
 
@@ -58,7 +58,7 @@ class Scene:
 
     @property
     def seconds(self) -> float:
-        """Return how long it takes, ramps included, at its own rates [s]; inf at full speed."""
+        """Return its duration, ramps included, at its own rates [s]; inf at full speed."""
         total, alpha, rate = 0.0, 0.0, 0.0
         for step in self.steps:
             alpha = float(step.parameters.get('alpha', alpha))
@@ -148,9 +148,8 @@ def read_scene(path: Path) -> Scene:
 def _step(item: Any, first: bool) -> Step:
     if not isinstance(item, dict) or not item.keys() <= {'parameters', 'reset', 'seconds'}:
         raise ValueError(f'{item!r} may have parameters, reset and seconds, and nothing else')
-    parameters, reset, seconds = (
-        item.get(name, default) for name, default in (
-            ('parameters', {}), ('reset', first), ('seconds', 0.0)))
+    parameters, seconds = item.get('parameters', {}), item.get('seconds', 0.0)
+    reset = item.get('reset', first)
     if not isinstance(parameters, dict) or not isinstance(reset, bool) or not _is_number(seconds):
         raise ValueError(f'{item!r}: parameters maps names to numbers, reset is true or false, '
                          'seconds a number')
@@ -167,7 +166,7 @@ def _step(item: Any, first: bool) -> Step:
         parameters = {**START, 'alpha_target': parameters['alpha'], **parameters}
     if parameters.get('alpha_rate', 0.0) > 0.0 and 'alpha_target' not in parameters:
         raise ValueError('a ramp needs alpha_target beside alpha_rate')
-    # An integer would not be accepted for a double everywhere.
+    # Not everywhere is an integer accepted for a double.
     return Step(types.MappingProxyType({
         name: value if name == 'seed' else float(value) for name, value in parameters.items()}),
         float(seconds), reset or first)

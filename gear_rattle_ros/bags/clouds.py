@@ -33,8 +33,7 @@ class CloudDecoder:
     """
     Reads serialized PointCloud2 in plain CDR, of either order of bytes.
 
-    A cloud with the same fields as the one before is read faster. Bytes that are no such cloud
-    raise ValueError.
+    A cloud with the same fields as the one before is read faster. Other bytes raise ValueError.
     """
 
     def __init__(self) -> None:
@@ -57,7 +56,7 @@ class CloudDecoder:
             if height > 1 and row_step != width * step:
                 raise ValueError
         except ValueError:
-            raise ValueError(f'message of {len(cdr)} bytes is no PointCloud2') from None
+            raise ValueError(f'message of {len(cdr)} bytes is not a PointCloud2') from None
         return Cloud(stamp, self._fields, height * width, step, is_bigendian != 0,
                      memoryview(cdr)[start:start + size])
 

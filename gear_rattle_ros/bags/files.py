@@ -21,7 +21,7 @@ import zstandard
 from .topics import BagError, Contents, Topic
 from ..plain_yaml import read_yaml
 
-# In a file without an index, messages are put in order if they are off by no more than this [ns].
+# In a file without an index, messages are sorted that are out of order by no more than this [ns].
 _WINDOW: Final = 2_000_000_000
 BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struct.error,
                  KeyError, UnicodeDecodeError, ValueError, OverflowError, MemoryError)
@@ -98,8 +98,7 @@ def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
 
 def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
                  end: int) -> Iterator[Message]:
-    reader = SeekingReader(stream, validate_crcs=True)
-    for schema, channel, message in reader.iter_messages(
+    for schema, channel, message in SeekingReader(stream, validate_crcs=True).iter_messages(
             None if topics is None else list(topics), starting_at=start, ending_before=end + 1):
         yield _message(channel, '' if schema is None else schema.name, message)
 

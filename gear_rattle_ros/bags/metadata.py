@@ -25,23 +25,19 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
     start = min(contents.start for contents in files.values())
     end = max((contents.end for contents in files.values() if contents.total), default=start)
     return {
-        'version': 9,
-        'storage_identifier': 'mcap',
+        'version': 9, 'storage_identifier': 'mcap',
         'duration': {'nanoseconds': end - start},
         'starting_time': {'nanoseconds_since_epoch': start},
         'message_count': sum(counts.values()),
         'topics_with_message_count': [{
             'topic_metadata': {
-                'name': topic.name,
-                'type': topic.type_name,
-                'serialization_format': 'cdr',
+                'name': topic.name, 'type': topic.type_name, 'serialization_format': 'cdr',
                 'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
                 'type_description_hash': topic.type_hash,
             },
             'message_count': counts[topic.name],
         } for topic in topics.values()],
-        'compression_format': '',
-        'compression_mode': '',
+        'compression_format': '', 'compression_mode': '',
         'relative_file_paths': list(files),
         'files': [{
             'path': name,
@@ -49,8 +45,7 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
             'duration': {'nanoseconds': max(contents.end - contents.start, 0)},
             'message_count': contents.total,
         } for name, contents in files.items()],
-        'custom_data': None,
-        'ros_distro': 'jazzy',
+        'custom_data': None, 'ros_distro': 'jazzy',
     }
 
 

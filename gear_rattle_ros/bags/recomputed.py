@@ -25,12 +25,12 @@ _CANDIDATES: Final = 16
 
 @dataclasses.dataclass
 class Stretch:
-    """The beginning of the present stretch without a hole, and of the present epoch in it."""
+    """The present stretch without a hole."""
 
-    # The number, in the stretch, of the impact that began the epoch, and how it began.
+    # The number of the impact that began the present epoch, and how it began.
     start: int = 0
     begun_by: int | None = None
-    # Whether there was a reset in it.
+    # Whether there was a reset in the stretch.
     is_whole: bool = False
 
     def begin(self, first: Any) -> None:
@@ -40,7 +40,6 @@ class Stretch:
         self.begun_by = EventKind.RESET if self.is_whole else None
 
     def take(self, events: EventArray) -> None:
-        """Follow the epochs."""
         begins = events[events['kind'] >= EventKind.RETUNE]
         if len(begins):
             self.start, self.begun_by = int(begins[-1]['index']), int(begins[-1]['kind'])
@@ -171,17 +170,16 @@ class Transients(Recomputed):
             try:
                 self._tolerance = float(values.pop('tolerance', self._tolerance))
             except ValueError:
-                self.fault = f'tolerance = {report.values["tolerance"]!r} is no number'
+                self.fault = f'tolerance = {report.values["tolerance"]!r} is not a number'
             self._pending[report.stamp].append(values)
             self._joins.add(values.get('start'))
         self._stamp: int | None = None
-        # Everything is known from a reset in this epoch on; None if there was no reset.
+        # The epoch of the reset from which on everything is known.
         self._known_from: int | None = None
         self._tolerance = min(max(self._tolerance, 1e-9), 0.1)
         self._detectors = [TransientDetector(self._tolerance)]
 
     def take(self, events: EventArray, stamp: int, is_first: bool) -> None:
-        """Take the next batch, as `Exponents.take` does."""
         first = events[0]
         if stamp != self._stamp:
             self._end_stamp()

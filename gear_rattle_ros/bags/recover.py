@@ -36,8 +36,8 @@ class Recovery:
     """
     The `messages` in the new bag, and the events of each topic; its text is a report.
 
-    `nameless` messages are of topics that are described nowhere and left out, `damages` are
-    stretches from which nothing could be read, `unclosed` files were cut off.
+    `nameless` messages, of topics that are not described anywhere, are left out; `damages` are
+    stretches from which nothing could be read; `unclosed` files were cut off.
     """
 
     messages: int
@@ -58,10 +58,10 @@ class Recovery:
             if accounts.first is None or accounts.last is None:
                 lines.append(f'{name}: no events')
                 continue
+            first, last = (f'impact {index}, epoch {epoch}'
+                           for index, epoch in (accounts.first, accounts.last))
             lines.append(
-                f'{name}: {counted(accounts.events, "event")}, from impact '
-                f'{accounts.first[0]}, epoch {accounts.first[1]}, to impact {accounts.last[0]}, '
-                f'epoch {accounts.last[1]}')
+                f'{name}: {counted(accounts.events, "event")}, from {first}, to {last}')
             lines += [f'{name}: missing: {hole.describe()}' for hole in accounts.guard.holes]
             if accounts.guard.restarts:
                 lines.append(f'{name}: the numbers begin anew '

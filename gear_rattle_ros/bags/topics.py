@@ -62,19 +62,16 @@ def message_definition(type_name: str, share: Callable[[str], str]) -> str:
 
     `share` returns the share directory of a package.
     """
-    seen: list[str] = []
-    texts: list[str] = []
+    texts: dict[str, str] = {}
     waiting = [_short(type_name)]
     while waiting:
         name = waiting.pop(0)
-        if name in seen:
-            continue
-        seen.append(name)
-        package, message = name.split('/')
-        text = (Path(share(package)) / 'msg' / f'{message}.msg').read_text('utf-8')
-        texts.append(f'{_LINE}\nMSG: {name}\n{text}' if texts else text)
-        waiting.extend(_parts(text, package))
-    return '\n'.join(texts)
+        if name not in texts:
+            package, message = name.split('/')
+            text = (Path(share(package)) / 'msg' / f'{message}.msg').read_text('utf-8')
+            texts[name] = f'{_LINE}\nMSG: {name}\n{text}' if texts else text
+            waiting.extend(_parts(text, package))
+    return '\n'.join(texts.values())
 
 
 def _parts(text: str, package: str) -> list[str]:

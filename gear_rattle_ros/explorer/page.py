@@ -77,7 +77,6 @@ class Page:
         self._click(phase, velocity)
 
     def close(self) -> None:
-        """Stop all work for this page."""
         self._worker.stop()
         self._saving.stop()
 
@@ -123,34 +122,31 @@ class Page:
             self._view = view
             self._worker.ask(view)
 
-    def _ask_again(self, **changes: object) -> None:
-        """Ask for a view in which the clicked point has another trajectory."""
-        self._ask(**changes)
-        self._click(*self._clicked)
-
-    def _slide(self, name: str, attr: str, old: float, new: float) -> None:
-        value = float(new)
+    def _set(self, name: str, value: float) -> bool:
+        """Ask for a view with another value, if it is one; the clicked point moves on with it."""
         if value == self._value(name):
-            return
-        if name == 'displacement':
-            self._ask_again(displacement=value)
-            return
-        self._ask_again(parameters=dataclasses.replace(self._view.parameters, **{name: value}))
-        if name == 'alpha':
-            # Its own callback then finds nothing new.
-            self._alpha.value = value
-
-    def _type_alpha(self, attr: str, old: float | None, value: float | None) -> None:
-        if value is None or value == self._view.parameters.alpha:
-            return
+            return False
+        changes: dict[str, object] = {name: value}
         try:
-            parameters = dataclasses.replace(self._view.parameters, alpha=value)
+            if name != 'displacement':
+                changes = {'parameters': dataclasses.replace(
+                    self._view.parameters, **{name: value})}
         except ValueError as error:
             self._tell(str(error), False)
-            return
-        self._ask_again(parameters=parameters)
-        slider = self._sliders['alpha']
-        slider.update(end=max(slider.end, value), value=value)
+            return False
+        self._ask(**changes)
+        self._click(*self._clicked)
+        return True
+
+    def _slide(self, name: str, attr: str, old: float, new: float) -> None:
+        if self._set(name, float(new)) and name == 'alpha':
+            # Its own callback then finds nothing new.
+            self._alpha.value = float(new)
+
+    def _type_alpha(self, attr: str, old: float | None, value: float | None) -> None:
+        if value is not None and self._set('alpha', value):
+            slider = self._sliders['alpha']
+            slider.update(end=max(slider.end, value), value=value)
 
     def _go_home(self) -> None:
         self._plane.go_to(self._home.phase, self._home.velocity)

@@ -69,8 +69,7 @@ class PlaneFigure:
                 return ', exponent ' + (value <= -none ? '\u2212\u221e'
                     : value.toFixed(3).replace('-', '\u2212'));"""),
             '$x': read_out(x_range), '$y': read_out(y_range)}))
-        self._moved = moved
-        self._is_moving = False
+        self._moved, self._is_moving = moved, False
         for range_ in (x_range, y_range):
             for end in ('start', 'end'):
                 range_.on_change(end, self._note)
@@ -98,8 +97,7 @@ class PlaneFigure:
         self._names.data = {'label': labels, 'name': [colours.names[each] for each in labels]}
         self.source.data = {
             'image': [pixels.view('uint32').reshape(pixels.shape[:2])],
-            'label': [picture.labels], 'lifetime': [picture.lifetimes],
-            'exponent': [exponents],
+            'label': [picture.labels], 'lifetime': [picture.lifetimes], 'exponent': [exponents],
             'x': [view.phase[0]], 'y': [view.velocity[0]],
             'dw': [view.phase[1] - view.phase[0]], 'dh': [view.velocity[1] - view.velocity[0]]}
 
@@ -108,6 +106,5 @@ class PlaneFigure:
         self._point.data = {'x': [phase], 'y': [velocity]}
 
     def go_to(self, phase: Window, velocity: Window) -> None:
-        """Show another window."""
         self.figure.x_range.update(start=phase[0], end=phase[1])
         self.figure.y_range.update(start=velocity[0], end=velocity[1])

@@ -49,7 +49,6 @@ class TrajectoryFigures:
         self.sequence.yaxis.axis_label = 'v_n [1]'
 
     def show(self, trajectory: Trajectory) -> None:
-        """Draw a trajectory."""
         self._motion.data = {'t': trajectory.periods, 's': trajectory.displacement}
         self._impacts.data = {'n': np.arange(1, len(trajectory.phases) + 1),
                               'phase': trajectory.phases, 'velocity': trajectory.velocities}

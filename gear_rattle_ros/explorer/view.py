@@ -44,7 +44,6 @@ class View:
     kind: str = BASINS
 
     def __post_init__(self) -> None:
-        """Validate."""
         if self.kind not in KINDS:
             raise ValueError(f'kind {self.kind!r} is not one of {", ".join(KINDS)}')
         plane = self.plane(1)

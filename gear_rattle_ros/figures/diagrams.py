@@ -36,7 +36,6 @@ SWEEPS: Final = {'starts': 'from many initial conditions at each alpha',
 
 
 def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
-    """Draw an orbit diagram."""
     exponent, raster = looks.exponent, looks.raster
     sweeps = [str(name) for name in dataset['sweep'].values]
     columns, bins = len(dataset['alpha'].values), len(dataset['velocity'].values)

@@ -48,7 +48,6 @@ class Thinned:
         self.rows = np.empty(0, kind)
 
     def add(self, rows: RowArray) -> None:
-        """Take more rows."""
         numbers = np.arange(self._count, self._count + len(rows), dtype=np.uint64)
         self._count += len(rows)
         # Multiplicative hashing by the golden ratio, with the high bits mixed in.
@@ -95,7 +94,6 @@ class Digest:
         self._detector = TransientDetector()
 
     def add(self, events: EventArray) -> None:
-        """Take the next batch."""
         for piece in self.guard.split(events):
             is_first = self.place is None
             self.place = advanced(self.place, piece)

@@ -17,7 +17,6 @@ LEFT, RIGHT, BOTTOM, TOP = 90, 30, 70, 84
 
 
 def draw_section(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
-    """Draw impacts counted on the section, and the periodic orbits that were reached."""
     a = dataset.attrs
     counts = dataset['count'].values.astype(np.float64)
     width, height = counts.shape[2], counts.shape[1]

@@ -74,7 +74,6 @@ def title_of(digest: Digest, name: str) -> str:
 
 
 def draw_section(axes: Axes, digest: Digest, colour: Colour) -> None:
-    """Draw where impacts fall in phase and velocity."""
     points = digest.points.rows
     _scatter(axes, 'phase', points, colour)
     share = 'every impact' if len(points) == digest.impacts else counted(len(points), 'impact')
@@ -119,14 +118,13 @@ def draw_velocity(axes: Axes, digest: Digest, colour: Colour) -> None:
             axes.axvline(row['impact'], color=GREY, linewidth=0.8, linestyle='--')
             axes.annotate(f'alpha {row["alpha"]:g}', (row['impact'], 1.0), (3, -3),
                           xycoords=('data', 'axes fraction'), textcoords='offset points',
-                          va='top', fontsize=9, color='#404040',
+                          va='top', fontsize=9, color=GREY,
                           bbox={'facecolor': 'white', 'alpha': 0.7, 'linewidth': 0, 'pad': 1})
     axes.set(title='Velocity before the impact', xlabel='impact number', ylabel="s' [1]")
     _count_axis(axes)
 
 
 def draw_alpha(axes: Axes, digest: Digest, looks: Looks) -> None:
-    """Draw alpha in time."""
     assert digest.place is not None
     changes = digest.changes.rows
     axes.step([*changes['drive_time'], digest.place.drive_time],
