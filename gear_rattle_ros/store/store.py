@@ -177,7 +177,10 @@ class Store:
                              '--resume')
         with reading(self.path, REMEDY):
             dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
-            dataset = dataset.drop_vars(DONE)
+            # What was asked for comes first, then the tables, whatever order the disk has.
+            names = [str(name) for name in dataset.data_vars if name != DONE]
+            dataset = dataset[sorted(names, key=lambda name: (
+                name not in self._variables, name))]
             return dataset.load() if self._remove else dataset
 
     def require_whole(self) -> None:
