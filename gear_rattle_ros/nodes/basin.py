@@ -17,7 +17,6 @@ import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
 
-from .base.errors import UserError
 from .base.event_input import arrived
 from .base.node import ReportingNode
 from .base.process import run_node
@@ -28,7 +27,6 @@ from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.matching import follow, points_of, Trace
 from ..attractors.plane import Plane
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
-from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
@@ -36,7 +34,6 @@ from ..core.words import counted
 from ..palette import colours_of, painted
 from ..qos import LATCHED, NEWEST
 
-PLANES: Final = ('section', 'displacement')
 # Interval at which the newest event is read [s].
 POLL: Final = 0.01
 # Parameters that stay for this time have settled; until then pictures are coarse [s].
@@ -61,7 +58,6 @@ class Unwatched(MutuallyExclusiveCallbackGroup):
     """A group the executor never runs: its subscription is read when there is time for it."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return False."""
         return False
 
 
@@ -96,10 +92,6 @@ class Memory:
 
     traces: tuple[Trace, ...] = ()
     limit: float = 0.0
-
-    def hints(self) -> FloatArray:
-        """Return a point of every known attractor."""
-        return np.concatenate([np.zeros((0, 3)), *(trace.points[:1] for trace in self.traces)])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +135,8 @@ class Job(threading.Thread):
 
     def _compute(self) -> None:
         wanted, settings, memory = self.wanted, self._settings, self._memory
-        seen, fastest = glance(wanted.parameters, memory.hints())
+        seen, fastest = glance(wanted.parameters, np.concatenate(
+            [np.zeros((0, 3)), *(trace.points[:1] for trace in memory.traces)]))
         limit = settings.velocity_limit or (
             nice_limit(ROOM * fastest, memory.limit) if fastest else memory.limit or 1.0)
         sizes = settings.sizes[:1] if self.is_coarse else settings.sizes
@@ -164,13 +157,10 @@ class Basin(ReportingNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('basin', **options)
-        plane = str(self.values['plane'])
-        if plane not in PLANES:
-            raise UserError(f'plane = {plane!r} is not one of {", ".join(PLANES)}')
         self._settings = Settings(
-            sizes_up_to(int(self.number('size'))), plane == 'section',
-            self.number('displacement'), self.number('velocity_limit'), int(self.number('cap')),
-            int(self.number('threads')), int(self.number('niceness')))
+            sizes_up_to(int(self.number('size'))), self.values['plane'] == 'section',
+            self.number('displacement'), self.number('velocity_limit'),
+            *(int(self.number(name)) for name in ('cap', 'threads', 'niceness')))
         self._memory = Memory()
         self._wanted: Wanted | None = None
         # The job that runs, and the one that was started last.
@@ -196,7 +186,6 @@ class Basin(ReportingNode):
         return 'ok', self._words, self._counts | self._seconds
 
     def close(self) -> None:
-        """Drop the work."""
         if self._job is not None:
             self._job.dropped.set()
 
@@ -217,12 +206,11 @@ class Basin(ReportingNode):
         parameters = Parameters(*(float(last[field.name]) for field in dataclasses.fields(
             Parameters)))
         before, now = self._wanted, time.monotonic()
-        if before is not None and parameters == before.parameters:
-            return
-        self._wanted = Wanted(
-            parameters, int(last['epoch']), cloud.header.stamp, now,
-            before is not None and now - before.since < SETTLED)
-        self._counts['parameters'] += 1
+        if before is None or parameters != before.parameters:
+            self._wanted = Wanted(
+                parameters, int(last['epoch']), cloud.header.stamp, now,
+                before is not None and now - before.since < SETTLED)
+            self._counts['parameters'] += 1
 
     def _decide(self) -> None:
         wanted, job, begun = self._wanted, self._job, self._begun

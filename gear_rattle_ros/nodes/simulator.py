@@ -24,7 +24,7 @@ from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.words import counted
-from ..parameters import guard, SIMULATOR, Value
+from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 
 # Most records in one batch, 62 KB: Fast DDS cuts what is beyond 64 KB into fragments, and delivers
@@ -42,7 +42,6 @@ RAMP_SHOWN_EVERY = 0.25
 IDLE = 0.005
 # How long the last batches may take to arrive when the node ends [s].
 LAST_BATCHES = 0.3
-BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
 
 
 class Simulator(ReportingNode):
@@ -57,7 +56,7 @@ class Simulator(ReportingNode):
         self._awaited = int(values['wait_for_readers'])
         began = time.monotonic()
         self._simulation = Simulation(
-            _model(values), _initial(values), noise=self.number('noise'),
+            _model(values), self._initial(values), noise=self.number('noise'),
             seed=int(values['seed']))
         # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
@@ -106,7 +105,6 @@ class Simulator(ReportingNode):
             'rate': self._rate, 'kernels': fingerprint()}
 
     def close(self) -> None:
-        """Publish the last events."""
         self._flush()
         self._impacts.wait_for_all_acked(Duration(seconds=LAST_BATCHES))
 
@@ -140,7 +138,6 @@ class Simulator(ReportingNode):
             time.sleep(IDLE)
             return False
         self._flush()
-        self._acknowledged.published()
         return True
 
     def _advance(self, periods: float) -> None:
@@ -197,7 +194,7 @@ class Simulator(ReportingNode):
         if self._outbox:
             events, self._outbox = np.concatenate(self._outbox), []
             for first in range(0, len(events), LARGEST_BATCH):
-                self._impacts.publish(
+                self._acknowledged.publish(
                     messages.cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
         if self._clock_output is not None:
             self._clock_output.publish(Clock(clock=stamp))
@@ -224,18 +221,22 @@ class Simulator(ReportingNode):
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
             _model(dataclasses.asdict(self._simulation.parameters) | values)
-        _initial({name: values.get(name, self.get_parameter(name).value) for name in INITIAL})
+        self._initial(values)
+
+    def _initial(self, values: Mapping[str, Value]) -> State:
+        """Return the initial condition from some parameters and those in force."""
+        return State(0, *(float(values.get(name, self.get_parameter(name).value))
+                          for name in INITIAL))
 
     def _apply(self, values: dict[str, Value]) -> None:
         if self._setting:
             return
-        changed = {name: float(values[name]) for name in MODEL if name in values}
-        if changed:
-            before = self._simulation.parameters
-            after = dataclasses.replace(before, **changed)
-            if after != before:
-                self._outbox.append(self._simulation.retune(after))
-                self.get_logger().info(_words(after))
+        before = self._simulation.parameters
+        after = dataclasses.replace(
+            before, **{name: float(values[name]) for name in MODEL if name in values})
+        if after != before:
+            self._outbox.append(self._simulation.retune(after))
+            self.get_logger().info(_words(after))
         if 'noise' in values:
             self._simulation.noise = float(values['noise'])
         target = float(values.get('alpha_target', self._ramp[0]))
@@ -249,32 +250,27 @@ class Simulator(ReportingNode):
             self._timer.timer_period_ns = round(self._period() * 1e9)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        state = _initial({name: self.get_parameter(name).value for name in INITIAL})
+        state = self._initial({})
         self._simulation.seed = int(self.get_parameter('seed').value)
         self._outbox.append(
             self._simulation.reset(state.phase, state.displacement, state.velocity))
         now = self._simulation.state
-        response.success = True
-        response.message = (
-            f'reset in drive period {now.cycle} at phase {now.phase:g} to s = '
+        return self._done(
+            response, f'reset in drive period {now.cycle} at phase {now.phase:g} to s = '
             f'{now.displacement:g}, v = {now.velocity:g}; epoch {self._simulation.epoch}')
-        self.get_logger().info(response.message)
-        return response
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = bool(request.data)
-        response.success = True
-        response.message = 'paused' if self._paused else 'running'
-        self.get_logger().info(response.message)
+        return self._done(response, 'paused' if self._paused else 'running')
+
+    def _done(self, response: Any, message: str) -> Any:
+        response.success, response.message = True, message
+        self.get_logger().info(message)
         return response
 
 
 def _model(values: Mapping[str, Value]) -> Parameters:
     return Parameters(**{name: float(values[name]) for name in MODEL})
-
-
-def _initial(values: Mapping[str, Value]) -> State:
-    return State(0, *(float(values[name]) for name in INITIAL))
 
 
 def _words(parameters: Parameters) -> str:

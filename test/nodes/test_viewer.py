@@ -31,6 +31,7 @@ from gear_rattle_ros.nodes.viewer.axes import colours_of, HALF_HEIGHT
 from gear_rattle_ros.nodes.viewer.recent import Recent
 from gear_rattle_ros.nodes.viewer.scene import exponent_row, EXPONENTS, SECTION_POINTS
 from gear_rattle_ros.nodes.viewer.sinks import add_index, chosen_mode, file_recording
+from gear_rattle_ros.parameters import VIEWER
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 TWO_PI = 2.0 * math.pi
@@ -293,5 +294,6 @@ def test_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen_mode('auto', '') == 'web'
     with pytest.raises(UserError, match='draws nothing: give save:=FILE.rrd'):
         chosen_mode('none', '')
-    with pytest.raises(UserError, match="mode = 'hologram' is not one of auto, native, web"):
-        chosen_mode('hologram', '')
+    mode, = (each for each in VIEWER if each.name == 'mode')
+    with pytest.raises(ValueError, match="mode = 'hologram' is not one of auto, native, web"):
+        mode.check('hologram')

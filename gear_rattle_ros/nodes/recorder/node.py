@@ -22,7 +22,7 @@ from ..base.errors import UserError
 from ..base.event_input import arrived, StreamHealth
 from ..base.node import ReportingNode
 from ..base.process import run_node
-from ...bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
+from ...bags import BagError, BagWriter, message_definition, Topic
 from ...core.words import counted
 from ...qos import profile, STREAM_INPUT
 
@@ -167,14 +167,11 @@ class Recorder(ReportingNode):
                 for source in self._sources if source.lost]
 
     def _make_writer(self) -> BagWriter:
-        compression = str(self.values['compression'])
-        if compression not in COMPRESSIONS:
-            raise UserError(f'compression = {compression!r} is not one of '
-                            f'{", ".join(COMPRESSIONS)}')
         name = str(self.values['output']) or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
         try:
             return BagWriter(
-                Path(name).expanduser(), compression, largest=int(self.values['max_bag_size']),
+                Path(name).expanduser(), str(self.values['compression']),
+                largest=int(self.values['max_bag_size']),
                 longest=int(self.values['max_bag_duration']) * 1_000_000_000)
         except BagError as error:
             raise UserError(f'output = {error}') from None

@@ -24,6 +24,7 @@ from sensor_msgs.msg import JointState
 from .display import render, Status
 from .processes import Processes
 from ..base.arguments import overrides
+from ..base.children import apart
 from ..base.client import PUT, RESET, SimulatorClient
 from ..base.errors import UserError
 from ..base.process import exit_status, Stop
@@ -150,7 +151,7 @@ class Suite:
         self._summary = subprocess.Popen(
             [sys.executable, '-c', SUMMARISE, str(self._folder / 'bag'), '--output',
              str(self._folder / 'summary.png')],
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
+            **apart(0) | {'stdin': subprocess.PIPE, 'stderr': None})
 
     def _end_nodes(self) -> None:
         self._processes.stop(['simulator'], within=1.0)

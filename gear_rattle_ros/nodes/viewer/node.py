@@ -16,7 +16,6 @@ from .recent import Recent
 from .scene import DRAWN_MOST, INTERVAL, Scene
 from .sinks import add_index, chosen_mode, file_recording, Window
 from ..base.dds_room import bound_backlog
-from ..base.errors import UserError
 from ..base.event_input import EventInput
 from ..base.node import ReportingNode
 from ..base.process import run_node
@@ -27,7 +26,6 @@ from ...core.stream.report_values import infinite_in_words
 from ...core.words import counted
 from ...qos import LATCHED, STREAM
 
-COLOURS = ('age', 'alpha')
 # The values an estimate of the exponents must have to be shown.
 SHOWN = ('lambda_1', 'lambda_1_error', 'lambda_2', 'lambda_2_error', 'sum', 'exact_sum', 'impacts',
          'index')
@@ -39,8 +37,6 @@ class Viewer(ReportingNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('viewer', bound_backlog, **options)
         colour, save = str(self.values['colour']), str(self.values['save'])
-        if colour not in COLOURS:
-            raise UserError(f'colour = {colour!r} is not one of {", ".join(COLOURS)}')
         mode = chosen_mode(str(self.values['mode']), save)
         # Compile the kernels before the first batch.
         rebuild(np.zeros(2, EVENT), 0.1)

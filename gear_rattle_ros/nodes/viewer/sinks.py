@@ -4,7 +4,7 @@ import contextlib
 import importlib.util
 import os
 from pathlib import Path
-import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -14,6 +14,7 @@ from urllib.parse import quote
 import rerun as rr
 
 from .axes import blueprint
+from ..base.children import apart
 from ..base.errors import UserError
 
 APPLICATION: Final = 'gear_rattle_ros'
@@ -26,13 +27,10 @@ END_LIMIT: Final = 2.0
 # A file is given its index at the end, unless it is larger or that takes longer [bytes], [s].
 INDEXED_MOST: Final = 1_000_000_000
 INDEXED_WITHIN: Final = 6.0
-MODES: Final = ('auto', 'native', 'web', 'none')
 
 
 def chosen_mode(mode: str, save: str) -> str:
     """Return native, web or none; auto is native on a display, else web unless there is a file."""
-    if mode not in MODES:
-        raise UserError(f'mode = {mode!r} is not one of {", ".join(MODES)}')
     if mode == 'auto':
         if os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'):
             return 'native'
@@ -65,10 +63,8 @@ def add_index(save: str) -> str:
         if path.stat().st_size > INDEXED_MOST:
             return f'it is larger than {INDEXED_MOST >> 20} MB'
         subprocess.run(
-            _bound([_executable(), 'rrd', 'optimize', '--profile', 'live', str(path), '-o',
-                    str(whole)], 'KILL'),
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            check=True, timeout=INDEXED_WITHIN, start_new_session=True)
+            [_executable(), 'rrd', 'optimize', '--profile', 'live', str(path), '-o', str(whole)],
+            check=True, timeout=INDEXED_WITHIN, **apart(signal.SIGKILL))
         whole.chmod(path.stat().st_mode)
         whole.replace(path)
     except (OSError, subprocess.SubprocessError, UserError) as error:
@@ -86,7 +82,7 @@ class Window:
         port = _free_port()
         url = f'rerun+http://{LOOPBACK}:{port}/proxy'
         command = [_executable(), '--bind', LOOPBACK, '--port', str(port)]
-        if mode == 'native':
+        if self._stays:
             command += ['--memory-limit', MEMORY_LIMIT, '--hide-welcome-screen',
                         '--expect-data-soon']
             self.place = 'a window'
@@ -96,11 +92,8 @@ class Window:
             command += ['--serve-web', '--web-viewer-port', str(web_port),
                         '--server-memory-limit', MEMORY_LIMIT]
             self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
-            command = _bound(command, 'TERM')
-        self._child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL, start_new_session=True)
-        self._wait_for([port] if mode == 'native' else [port, web_port])
+        self._child = subprocess.Popen(command, **apart(0 if self._stays else signal.SIGTERM))
+        self._wait_for([port] if self._stays else [port, web_port])
         self.recording = _recording(rr.GrpcSink(url), colour)
 
     @property
@@ -135,12 +128,6 @@ def _recording(sink: rr.FileSink | rr.GrpcSink, colour: str) -> rr.RecordingStre
     recording = rr.RecordingStream(APPLICATION)
     recording.set_sinks(sink, default_blueprint=blueprint(colour))
     return recording
-
-
-def _bound(command: list[str], number: str) -> list[str]:
-    """Let a child end with this node, even if the node is killed."""
-    setpriv = shutil.which('setpriv')
-    return [setpriv, '--pdeathsig', number, *command] if setpriv else command
 
 
 def _executable() -> str:
