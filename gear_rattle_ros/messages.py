@@ -18,12 +18,9 @@ from .core.stream.report_values import texts
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'
-LEVELS: Final = {'ok': DiagnosticStatus.OK, 'warn': DiagnosticStatus.WARN,
-                 'error': DiagnosticStatus.ERROR}
 _FIELDS: Final = [
     PointField(name=name, offset=offset, datatype=datatype, count=count)
-    for name, offset, datatype, count in point_fields()
-]
+    for name, offset, datatype, count in point_fields()]
 
 
 def stamp_from_nanoseconds(nanoseconds: int) -> Time:
@@ -106,6 +103,7 @@ def diagnostic_array(name: str, hardware_id: str, level: str, message: str,
                      values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
     """Return a DiagnosticArray with one status; floats are written with all their digits."""
     status = DiagnosticStatus(
-        level=LEVELS[level], name=name, message=message, hardware_id=hardware_id,
+        level=getattr(DiagnosticStatus, level.upper()), name=name, message=message,
+        hardware_id=hardware_id,
         values=[KeyValue(key=key, value=text) for key, text in texts(values).items()])
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])

@@ -54,11 +54,9 @@ class Specification:
             raise ValueError(f'{self.name} = {value!r} is not a number')
         if self.choices and value not in self.choices:
             raise ValueError(f'{self.name} = {value!r} is not one of {", ".join(self.choices)}')
-        if self.low is not None and self.high is not None:
-            assert isinstance(value, (int, float))
-            if not self.low <= value <= self.high:
-                raise ValueError(
-                    f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
+        if isinstance(value, (int, float)) and self.low is not None and self.high is not None and (
+                not self.low <= value <= self.high):
+            raise ValueError(f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
         return value
 
 
@@ -73,31 +71,30 @@ _TYPE_NAMES: Final[dict[type, str]] = {
 # Parameters that rclpy itself declares or reads.
 _OF_ROS: Final = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
 BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
+_live = Specification
 _fixed = functools.partial(Specification, read_only=True)
 
 SIMULATOR: Final = (
-    Specification('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
-    Specification('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
-    Specification('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM,
-                  high=model.GAMMA_MAXIMUM),
-    Specification('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0),
-    Specification('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
-                  high=simulation.NOISE_MAXIMUM),
-    Specification('rate', 100.0, 'speed; 0 = as fast as the readers keep up', 'drive periods per '
-                  'second', 0.0, 1e7),
-    Specification('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0,
-                  high=model.ALPHA_MAXIMUM),
-    Specification('alpha_rate', 0.0, 'change of alpha at the end of every drive period until it '
-                  'reaches alpha_target; 0 = no ramp; it becomes 0 when the ramp ends or alpha is '
-                  'set', '1 per drive period', 0.0, 1.0),
-    Specification('initial_phase', 0.0, 'initial drive phase, also after a reset', 'rad', 0.0,
-                  BELOW_TWO_PI),
-    Specification('initial_displacement', 0.0, 'initial displacement, also after a reset',
-                  low=-1.0, high=0.0),
-    Specification('initial_velocity', -0.5, 'initial velocity, also after a reset',
-                  low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
-    Specification('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
-                  simulation.SEED_MAXIMUM),
+    _live('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
+    _live('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
+    _live('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM, high=model.GAMMA_MAXIMUM),
+    _live('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0),
+    _live('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
+          high=simulation.NOISE_MAXIMUM),
+    _live('rate', 100.0, 'speed; 0 = as fast as the readers keep up', 'drive periods per second',
+          0.0, 1e7),
+    _live('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0, high=model.ALPHA_MAXIMUM),
+    _live('alpha_rate', 0.0, 'change of alpha at the end of every drive period until it reaches '
+          'alpha_target; 0 = no ramp; it becomes 0 when the ramp ends or alpha is set', '1 per '
+          'drive period', 0.0, 1.0),
+    _live('initial_phase', 0.0, 'initial drive phase, also after a reset', 'rad', 0.0,
+          BELOW_TWO_PI),
+    _live('initial_displacement', 0.0, 'initial displacement, also after a reset', low=-1.0,
+          high=0.0),
+    _live('initial_velocity', -0.5, 'initial velocity, also after a reset',
+          low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
+    _live('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
+          simulation.SEED_MAXIMUM),
     _fixed('omega', 2.0 * math.pi, 'drive frequency, for the stamps: time is tau/omega', 'rad/s',
            1e-6, 1e9),
     _fixed('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0),
@@ -156,7 +153,8 @@ REPLAY: Final = (
 )
 VIEWER: Final = (
     _fixed('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there is a '
-           'display, else web, or none beside a file', '', choices=('auto', 'native', 'web', 'none')),
+           'display, else web, or none beside a file', '',
+           choices=('auto', 'native', 'web', 'none')),
     _fixed('save', '', 'file to write, too (.rrd); empty = none', ''),
     _fixed('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
     _fixed('colour', 'age', 'quantity that colours the section: age or alpha', '',
@@ -175,14 +173,9 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
 
 
 def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
-    """
-    Declare a table on a node whose overrides are declared; ValueError names a bad one.
-
-    An integer is accepted for a double; a name that is not in the table is refused.
-    """
+    """Declare a table on a node whose overrides are; ValueError names a bad or unknown one."""
     names = [specification.name for specification in table]
-    given = {
-        name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
+    given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
     for name in given:
         if name not in names and not name.startswith(_OF_ROS):
             close = difflib.get_close_matches(name, names, 1)
@@ -206,6 +199,9 @@ def guard(node: Node, table: Sequence[Specification],
     specifications = {specification.name: specification for specification in table}
     doubles = [each.name for each in table if isinstance(each.default, float)]
 
+    def known(parameters: list[Parameter]) -> dict[str, Value]:
+        return {each.name: each.value for each in parameters if each.name in specifications}
+
     def promote(parameters: list[Parameter]) -> list[Parameter]:
         return [Parameter(each.name, Parameter.Type.DOUBLE, float(each.value))
                 if each.type_ == Parameter.Type.INTEGER and each.name in doubles else each
@@ -214,15 +210,12 @@ def guard(node: Node, table: Sequence[Specification],
     def accept(parameters: list[Parameter]) -> msg.SetParametersResult:
         # An exception would end the node: it becomes the answer instead.
         try:
-            validate({each.name: specifications[each.name].check(each.value)
-                      for each in parameters if each.name in specifications})
+            validate({name: specifications[name].check(value)
+                      for name, value in known(parameters).items()})
         except Exception as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
         return msg.SetParametersResult(successful=True)
 
-    def put(parameters: list[Parameter]) -> None:
-        apply({each.name: each.value for each in parameters if each.name in specifications})
-
     node.add_pre_set_parameters_callback(promote)
     node.add_on_set_parameters_callback(accept)
-    node.add_post_set_parameters_callback(put)
+    node.add_post_set_parameters_callback(lambda parameters: apply(known(parameters)))

@@ -182,7 +182,6 @@ class Basin(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what was published, and how soon after the parameters changed."""
         return 'ok', self._words, self._counts | self._seconds
 
     def close(self) -> None:
@@ -310,7 +309,6 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
 
 
 def warm_up(settings: Settings) -> None:
-    """Compile all kernels before the first parameters arrive."""
     seen, _ = glance(Parameters(), np.zeros((0, 3)))
     planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
     for basins in watch(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,

@@ -41,13 +41,11 @@ class Lyapunov(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return the estimate and what was lost."""
         now = dataclasses.asdict(self._running.report)
         level, message, values = self._input.report()
         return level, message, {**values, **now, 'infinite': infinite_in_words(now) or 'none'}
 
     def close(self) -> None:
-        """Publish the last estimate."""
         self._input.drain()
         self._publish()
         self._publisher.wait_for_all_acked(Duration(seconds=LAST_ESTIMATE))

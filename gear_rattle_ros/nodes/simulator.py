@@ -81,7 +81,6 @@ class Simulator(ReportingNode):
             f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return rates, backlog and parameters."""
         now, impacts = time.monotonic(), self._simulation.impacts
         since, before = self._counted
         self._counted = (now, impacts)
@@ -170,8 +169,7 @@ class Simulator(ReportingNode):
         alpha = before.alpha + math.copysign(
             min(rate, abs(target - before.alpha)), target - before.alpha)
         if alpha != before.alpha:
-            self._outbox.append(
-                self._simulation.retune(dataclasses.replace(before, alpha=alpha)))
+            self._outbox.append(self._simulation.retune(dataclasses.replace(before, alpha=alpha)))
         done = alpha == target
         if done or time.monotonic() - self._ramp_shown > RAMP_SHOWN_EVERY:
             self._ramp_shown = time.monotonic()
@@ -184,8 +182,7 @@ class Simulator(ReportingNode):
         """Set ROS parameters to the values in force."""
         self._setting = True
         try:
-            self.set_parameters([
-                Parameter(name, Parameter.Type.DOUBLE, value) for name, value in values.items()])
+            self.set_parameters([Parameter(name, value=value) for name, value in values.items()])
         finally:
             self._setting = False
 

@@ -34,14 +34,12 @@ class Transients(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return the present regime and what was lost."""
         level, message, values = self._input.report()
         return level, message, {
             **values, 'regime': self._detector.report.describe(),
             'impacts': self._detector.impacts}
 
     def close(self) -> None:
-        """Publish the last changes."""
         self._input.drain()
 
     def _take(self, events: EventArray) -> None:

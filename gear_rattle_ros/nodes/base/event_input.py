@@ -44,7 +44,6 @@ class StreamHealth:
         self._joined = False
 
     def log(self) -> None:
-        """Log what is new."""
         guard, log = self._guard, self._node.get_logger()
         # Both only grow; in the recorder another thread counts them.
         gaps, restarts = guard.gaps, guard.restarts

@@ -73,9 +73,8 @@ class _Source:
     def topic(self) -> Topic:
         """Describe the topic; its publisher is known once the first message has arrived."""
         if self._topic is None:
-            publishers = [
-                each for each in self._node.get_publishers_info_by_topic(self.name)
-                if each.topic_type == self._type_name]
+            publishers = [each for each in self._node.get_publishers_info_by_topic(self.name)
+                          if each.topic_type == self._type_name]
             self._topic = Topic(
                 self.name, self._type_name, self._definition,
                 str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
@@ -123,7 +122,6 @@ class Recorder(ReportingNode):
         self.get_logger().info(f'recording into {self._directory}')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what has been written, and whether all of it."""
         recording = self._recording
         level, message, losses = self._health.report()
         values = {
@@ -153,10 +151,10 @@ class Recorder(ReportingNode):
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
         superseded = sum(source.superseded for source in self._sources)
-        odd = ''.join(f', {words}' for words in [*self._lost(), *(words for count, words in (
+        odd = ''.join(f', {words}' for words in self._lost() + [words for count, words in (
             (superseded, f'{superseded} superseded'), (self._garbled, f'{self._garbled} garbled'),
             (recording.unreadable, f'{counted(recording.unreadable, "batch")} unreadable'))
-            if count)])
+            if count])
         print(f'recorded {counted(recording.impacts, "impact")} in '
               f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
               f'({counted(recording.guard.gaps, "gap")}){odd}, '
@@ -210,21 +208,15 @@ def _share(package: str) -> str:
 
 def _qos_words(qos: QoSProfile) -> dict[str, object]:
     """Return a quality of service as rosbag2 writes it."""
-    return {
-        'history': qos.history.short_key,
-        'depth': qos.depth,
-        'reliability': qos.reliability.short_key,
-        'durability': qos.durability.short_key,
-        'deadline': _time(qos.deadline),
-        'lifespan': _time(qos.lifespan),
-        'liveliness': qos.liveliness.short_key,
-        'liveliness_lease_duration': _time(qos.liveliness_lease_duration),
-        'avoid_ros_namespace_conventions': bool(qos.avoid_ros_namespace_conventions),
-    }
+    return {name: _word(getattr(qos, name)) for name in (
+        'history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
+        'liveliness_lease_duration', 'avoid_ros_namespace_conventions')}
 
 
-def _time(duration: Duration) -> dict[str, int]:
-    return dict(zip(('sec', 'nsec'), divmod(duration.nanoseconds, 10**9), strict=True))
+def _word(value: Any) -> object:
+    if isinstance(value, Duration):
+        return dict(zip(('sec', 'nsec'), divmod(value.nanoseconds, 10**9), strict=True))
+    return getattr(value, 'short_key', value)
 
 
 main = functools.partial(run_node, 'recorder', Recorder)

@@ -53,7 +53,6 @@ class Replay(ReportingNode):
         self.every(0.05, self._watch)
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return how far the bag has been played."""
         playing = self._playing
         position, duration = self._times()
         return 'error' if playing.failure else 'ok', playing.failure or playing.state, {
@@ -61,7 +60,6 @@ class Replay(ReportingNode):
             'rounds': playing.rounds, 'bag': str(self._bag.path)}
 
     def close(self) -> None:
-        """Stop, and print what was published."""
         playing = self._playing
         playing.close()
         if playing.failure:

@@ -30,7 +30,6 @@ class Status:
     bag_bytes: int = 0
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return names and values as they are shown."""
         def exponent(name: str, error: str = '') -> str:
             value, uncertainty = (self.exponents.get(key, math.nan) for key in (name, error))
             text = '-' if math.isnan(value) else f'{value:+.6f}'
@@ -68,7 +67,6 @@ class Status:
 
 
 def render(status: Status) -> Panel:
-    """Return the live table."""
     table = Table(box=box.SIMPLE, show_header=False, padding=(0, 1))
     table.add_column(style='cyan', no_wrap=True)
     table.add_column()

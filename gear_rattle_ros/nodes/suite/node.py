@@ -24,11 +24,10 @@ from sensor_msgs.msg import JointState
 from .display import render, Status
 from .processes import Processes
 from ..base.arguments import overrides
-from ..base.children import apart
 from ..base.client import PUT, RESET, SimulatorClient
 from ..base.errors import UserError
-from ..base.process import exit_status, Stop
-from ..base.services import tolerant
+from ..base.process import apart, exit_status, Stop
+from ..base.services import listen
 from ...parameters import SIMULATOR
 from ...qos import LATCHED, STREAM
 from ...scenes import find_scene, load_scenes, NAMES, Performance, START, Step
@@ -57,14 +56,11 @@ class Monitor(Node):
         super().__init__('suite', start_parameter_services=False)
         self.status = status
         self._seen = (time.monotonic(), 0)
-        for kind, name, take, qos in (
-            (JointState, 'lyapunov', self._take_exponents, STREAM),
-            (DiagnosticArray, 'transient', self._take_transient, LATCHED),
-            (DiagnosticArray, '/diagnostics', self._take_diagnostics, 10),
-            (ParameterEvent, '/parameter_events', self._take_parameters,
-             qos_profile_parameter_events),
-        ):
-            self.create_subscription(kind, name, tolerant(self, name, take), qos)
+        listen(self, JointState, 'lyapunov', self._take_exponents, STREAM)
+        listen(self, DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        listen(self, DiagnosticArray, '/diagnostics', self._take_diagnostics, 10)
+        listen(self, ParameterEvent, '/parameter_events', self._take_parameters,
+               qos_profile_parameter_events)
         self.simulator = SimulatorClient(self, 'simulator', (PUT, RESET))
 
     def _take_exponents(self, message: JointState) -> None:
@@ -307,7 +303,6 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the suite and return its exit status."""
     words = sys.argv[1:] if arguments is None else arguments
     cut = words.index('--ros-args') if '--ros-args' in words else len(words)
     options = _parse(words[:cut])

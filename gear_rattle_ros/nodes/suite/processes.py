@@ -7,8 +7,8 @@ import subprocess
 import sys
 import time
 
-from ..base.children import apart
 from ..base.errors import UserError
+from ..base.process import apart
 
 # A node that has not ended is interrupted again after this time; interval of looking [s].
 AGAIN = 2.0
@@ -40,7 +40,6 @@ class Processes:
                                 f'{self.last_words(name)}')
 
     def last_words(self, name: str) -> str:
-        """Return the last line that a node has written."""
         lines = self.log(name).read_text(errors='replace').split('\n')
         return next((line for line in reversed(lines) if line.strip()), '')
 

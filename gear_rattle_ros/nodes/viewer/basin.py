@@ -75,7 +75,6 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
 
 
 def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """Return pixels of shape (height, width, 3) as a PNG file."""
     file = io.BytesIO()
     PIL.Image.fromarray(pixels).save(file, 'PNG', compress_level=LEVEL)
     return file.getvalue()

@@ -1,6 +1,6 @@
 """Draws the stream, the exponents and the transient with rerun: file, window or web page."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import functools
 import math
 import time
@@ -8,7 +8,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 from .basin import BasinInput, BasinPicture, PARTS
@@ -19,7 +18,7 @@ from ..base.dds_room import bound_backlog
 from ..base.event_input import EventInput
 from ..base.node import ReportingNode
 from ..base.process import run_node
-from ..base.services import tolerant
+from ..base.services import listen
 from ...core.model import EVENT, EventArray
 from ...core.stream.reconstruction import rebuild
 from ...core.stream.report_values import infinite_in_words
@@ -59,18 +58,14 @@ class Viewer(ReportingNode):
         self._basin: BasinPicture | None = None
         self._waiting_since, self._lag = math.inf, 0.0
         self._input = EventInput(self, self._recent.guard, self._take, 'the axes continue')
-        topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (
-            (JointState, 'lyapunov', self._take_estimate, STREAM),
-            (DiagnosticArray, 'transient', self._take_transient, LATCHED),
-            *((kind, name, functools.partial(self._take_basin, name), LATCHED)
-              for name, kind in PARTS.items()))
-        for kind, name, take, qos in topics:
-            self.create_subscription(kind, name, tolerant(self, name, take), qos)
+        listen(self, JointState, 'lyapunov', self._take_estimate, STREAM)
+        listen(self, DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        for name, kind in PARTS.items():
+            listen(self, kind, name, functools.partial(self._take_basin, name), LATCHED)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what was drawn, what was left out, and the lag of the drawing."""
         level, message, values = self._input.report()
         if self._lost:
             level, message = 'warn', self._lost

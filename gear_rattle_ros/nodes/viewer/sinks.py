@@ -14,8 +14,8 @@ from urllib.parse import quote
 import rerun as rr
 
 from .axes import blueprint
-from ..base.children import apart
 from ..base.errors import UserError
+from ..base.process import apart
 
 APPLICATION: Final = 'gear_rattle_ros'
 LOOPBACK: Final = '127.0.0.1'
@@ -41,7 +41,6 @@ def chosen_mode(mode: str, save: str) -> str:
 
 
 def file_recording(save: str, colour: str) -> rr.RecordingStream:
-    """Return a recording that goes to a new file."""
     path = Path(save)
     if path.suffix != '.rrd':
         raise UserError(f'save = {save!r} must end in .rrd')
@@ -98,7 +97,6 @@ class Window:
 
     @property
     def is_open(self) -> bool:
-        """Whether the viewer still runs."""
         return self._child.poll() is None
 
     def close(self) -> None:
