@@ -69,8 +69,7 @@ def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time) -> Image:
     height, width, _ = pixels.shape
     return Image(
         header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=height, width=width,
-        encoding='rgb8', is_bigendian=0, step=3 * width,
-        data=array.array('B', pixels.tobytes()))
+        encoding='rgb8', step=3 * width, data=array.array('B', pixels.tobytes()))
 
 
 def events_from_cloud(cloud: PointCloud2) -> EventArray:

@@ -38,8 +38,6 @@ from ..qos import LATCHED, NEWEST
 POLL: Final = 0.01
 # Parameters that stay for this time have settled; until then pictures are coarse [s].
 SETTLED: Final = 0.05
-# Niceness of the work on all but the first picture.
-LEAST: Final = 19
 # Highest velocity of the plane, in units of the fastest impact's.
 ROOM: Final = 1.5
 POINT: Final = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<f4'),
@@ -75,8 +73,6 @@ class Wanted:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """The parameters of the node, which are fixed."""
-
     sizes: tuple[int, ...]
     on_walls: bool
     displacement: float
@@ -148,7 +144,7 @@ class Job(threading.Thread):
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
             # Finer pictures give way to everything, but must not starve: they may hold the GIL.
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LEAST)
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
 
 
@@ -172,9 +168,8 @@ class Basin(ReportingNode):
         self._seconds = {'first_picture_seconds': 0.0, 'last_picture_seconds': 0.0}
         warm_up(self._settings)
         give_way(self._settings.niceness)
-        self._image = self.create_publisher(Image, 'basin', LATCHED)
-        self._attractors = self.create_publisher(PointCloud2, 'attractors', LATCHED)
-        self._state = self.create_publisher(DiagnosticArray, 'basin_state', LATCHED)
+        self._outputs = [self.create_publisher(kind, name, LATCHED) for kind, name in (
+            (DiagnosticArray, 'basin_state'), (PointCloud2, 'attractors'), (Image, 'basin'))]
         self._stream = self.create_subscription(
             PointCloud2, 'impacts', lambda cloud: None, NEWEST, callback_group=Unwatched())
         self._arrived = self.create_guard_condition(self._publish)
@@ -230,7 +225,6 @@ class Basin(ReportingNode):
             self._job.start()
 
     def _put(self, job: Job, picture: Picture | None) -> None:
-        """Hand a picture over from the thread of a job."""
         self._results.put((job, picture))
         self._arrived.trigger()
 
@@ -247,9 +241,9 @@ class Basin(ReportingNode):
                 self._decide()
                 continue
             self._memory = picture.memory
-            self._state.publish(picture.state)
-            self._attractors.publish(picture.attractors)
-            self._image.publish(picture.image)
+            for output, message in zip(self._outputs, (
+                    picture.state, picture.attractors, picture.image), strict=True):
+                output.publish(message)
             self._words = picture.state.status[0].message
             self._counts['pictures'] += 1
             seconds = time.monotonic() - job.wanted.since
@@ -284,7 +278,6 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
 
 def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
              colours: Mapping[int, str], settings: Settings) -> DiagnosticArray:
-    """Return the values of the picture, and of every attractor."""
     plane, parameters, stamp = basins.plane, wanted.parameters, wanted.stamp
     unsettled = basins.share(UNSETTLED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '

@@ -40,8 +40,6 @@ INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
 RAMP_SHOWN_EVERY = 0.25
 # Pause at rate = 0 when there is nothing to do [s].
 IDLE = 0.005
-# How long the last batches may take to arrive when the node ends [s].
-LAST_BATCHES = 0.3
 
 
 class Simulator(ReportingNode):
@@ -105,7 +103,8 @@ class Simulator(ReportingNode):
 
     def close(self) -> None:
         self._flush()
-        self._impacts.wait_for_all_acked(Duration(seconds=LAST_BATCHES))
+        # How long the last batches may take to arrive.
+        self._impacts.wait_for_all_acked(Duration(seconds=0.3))
 
     def _period(self) -> float:
         return 0.0 if self._rate == 0.0 else self.number('tick')

@@ -61,7 +61,6 @@ class _Source:
             raise UserError(f'the definition of {self._type_name} is not found ({error}); '
                             'set AMENT_PREFIX_PATH') from None
         self._last: int | None = None
-        self._topic: Topic | None = None
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
         # With several publishers, or where messages may be dropped, gaps mean nothing.
@@ -70,17 +69,16 @@ class _Source:
         self._is_latched = qos is _LATCHED_INPUT
         self.name = self._subscription.topic_name
 
+    @functools.cached_property
     def topic(self) -> Topic:
-        """Describe the topic; its publisher is known once the first message has arrived."""
-        if self._topic is None:
-            publishers = [each for each in self._node.get_publishers_info_by_topic(self.name)
-                          if each.topic_type == self._type_name]
-            self._topic = Topic(
-                self.name, self._type_name, self._definition,
-                str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
-                tuple(map(_qos_words, [each.qos_profile for each in publishers]
-                          or [self._subscription.qos_profile])))
-        return self._topic
+        """The topic with its publisher, which is known once the first message has arrived."""
+        publishers = [each for each in self._node.get_publishers_info_by_topic(self.name)
+                      if each.topic_type == self._type_name]
+        return Topic(
+            self.name, self._type_name, self._definition,
+            str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
+            tuple(_qos_words(each.qos_profile) for each in publishers)
+            or (_qos_words(self._subscription.qos_profile),))
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:
         """Take messages that have arrived, up to a moment; return whether there may be more."""
@@ -186,7 +184,7 @@ class Recorder(ReportingNode):
             return
         received = info['received_timestamp'] or time.time_ns()
         self._recording.put(Received(
-            source.topic(), data, received, info['source_timestamp'] or received,
+            source.topic, data, received, info['source_timestamp'] or received,
             info.get('publication_sequence_number') or 0))
 
     def _watch(self) -> None:

@@ -87,7 +87,6 @@ class Recording:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Write everything that was handed over, and close the bag."""
         with self._changed:
             self._is_closing = True
             self._changed.notify_all()

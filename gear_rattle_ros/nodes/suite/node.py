@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Sequence
 import contextlib
-import datetime
 import math
 import os
 from pathlib import Path
@@ -124,12 +123,11 @@ class Suite:
         return 0
 
     def _print_result(self) -> None:
-        """Print what was recorded, and the commands that open everything."""
         print(self._processes.last_words('recorder').split(']: ')[-1])
+        rerun = _command('rerun')
         for what, command, name in (
-                ('bag', _command('rerun'), 'bag/bag_0.mcap'),
-                ('replay', _command('replay'), 'bag'), ('viewer', _command('rerun'), 'run.rrd'),
-                ('summary', 'xdg-open', 'summary.png')):
+                ('bag', rerun, 'bag/bag_0.mcap'), ('replay', _command('replay'), 'bag'),
+                ('viewer', rerun, 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
             if (self._folder / name).exists():
                 print(f'{what:8} {command} {_quoted(self._folder / name)}')
 
@@ -165,9 +163,9 @@ class Suite:
 
     def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
-        console = Console(stderr=False)
-        live = Live(render(status), console=console, auto_refresh=False, transient=False) \
-            if console.is_terminal else None
+        console = Console()
+        live = Live(
+            render(status), console=console, auto_refresh=False) if console.is_terminal else None
         with live or contextlib.nullcontext():
             began = time.monotonic()
             first = shown = 0.0
@@ -242,8 +240,7 @@ def _quoted(path: Path) -> str:
 
 
 def _make_folder(output: str | None) -> Path:
-    now = datetime.datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
-    folder = Path(output) if output else Path('runs') / now
+    folder = Path(output or time.strftime('runs/%Y-%m-%d_%H-%M-%S'))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):

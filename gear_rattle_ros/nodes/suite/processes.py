@@ -26,7 +26,7 @@ class Processes:
         with open(self.log(name), 'wb') as log:
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments],
-                env={**os.environ, 'PYTHONUNBUFFERED': '1'},
+                env=os.environ | {'PYTHONUNBUFFERED': '1'},
                 **apart() | {'stdout': log, 'stderr': subprocess.STDOUT})
 
     def log(self, name: str) -> Path:

@@ -57,10 +57,8 @@ class Entry:
 
     def take(self, key: str) -> str | None:
         """Take a key; return the text at Enter, '' at Escape, None while it is open."""
-        if key == 'enter':
-            return self.text.strip()
-        if key == 'escape':
-            return ''
+        if key in ('enter', 'escape'):
+            return self.text.strip() if key == 'enter' else ''
         if key == 'backspace':
             self.text = self.text[:-1]
         elif key == 'space':

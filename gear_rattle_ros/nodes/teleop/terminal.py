@@ -27,8 +27,7 @@ class Terminal:
         self._line = False
 
     def __enter__(self) -> 'Terminal':
-        for number, handler in (
-                (signal.SIGTSTP, self._suspend), (signal.SIGCONT, self._continue)):
+        for number, handler in ((signal.SIGTSTP, self._suspend), (signal.SIGCONT, self._continue)):
             self._handlers[number] = signal.signal(number, handler)
         self._set()
         return self

@@ -24,7 +24,6 @@ GROUND: Final = (18, 20, 26)
 FRAME: Final = 0x8A8F98FF
 FAINT: Final = 0x4A4F58FF
 LABEL: Final = 0xE4E7ECFF
-BRIGHT: Final = 0xFFFFFFFF
 # Basins are faint so that impacts stand out.
 BASIN_OPACITY: Final = 0.35
 # Plasma without its darkest part, evenly spaced.
@@ -70,7 +69,7 @@ def section_axes() -> list[Logged]:
         ('section/plane/impacts', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(1.3), draw_order=30.0)),
         ('section/plane/newest', rr.Points2D.from_fields(
-            radii=rr.Radius.ui_points(2.2), colors=BRIGHT, draw_order=40.0)),
+            radii=rr.Radius.ui_points(2.2), colors=0xFFFFFFFF, draw_order=40.0)),
     ]
 
 
@@ -104,7 +103,6 @@ def _labels(places: list[tuple[float, float]], labels: list[str]) -> rr.Points2D
 
 
 def blueprint(colour: str) -> rrb.Blueprint:
-    """Return the arrangement of the views."""
     meaning = 'newest brightest' if colour == 'age' else 'coloured by alpha, 0.4 to 1.8'
     back, cursor = VELOCITY_WINDOW, rrb.TimeRangeBoundary.cursor_relative
     dark: dict[str, Any] = {'background': rrb.Background(color=GROUND)}

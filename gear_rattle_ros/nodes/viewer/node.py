@@ -66,15 +66,12 @@ class Viewer(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        level, message, values = self._input.report()
-        if self._lost:
-            level, message = 'warn', self._lost
         drawn = max((scene.drawn for scene in self._scenes), default=0)
         lag, self._lag = self._lag, 0.0
-        return level, message, {
-            **values, 'rows_logged': sum(scene.rows for scene in self._scenes),
-            'impacts_drawn': drawn, 'impacts_thinned_out': self._recent.impacts - drawn,
-            'largest_lag_seconds': lag}
+        level, message, values = self._input.report(
+            rows_logged=sum(scene.rows for scene in self._scenes), impacts_drawn=drawn,
+            impacts_thinned_out=self._recent.impacts - drawn, largest_lag_seconds=lag)
+        return ('warn', self._lost, values) if self._lost else (level, message, values)
 
     def close(self) -> None:
         """Draw what is left and write everything out."""

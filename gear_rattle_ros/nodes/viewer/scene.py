@@ -71,9 +71,8 @@ class Scene:
         labels, _, colours, widths = zip(*EXPONENTS, strict=True)
         recording.log('exponents', rr.SeriesLines(
             colors=colours, names=labels, widths=widths), static=True)
-        recording.log('alpha', rr.SeriesLines(
-            colors=rgba(ORANGE), names='alpha', widths=2.0, interpolation_mode='StepAfter'),
-            static=True)
+        recording.log('alpha', rr.SeriesLines(colors=rgba(ORANGE), names='alpha', widths=2.0,
+                                              interpolation_mode='StepAfter'), static=True)
 
     def is_due(self, time: float) -> bool:
         if self._begun is None:
@@ -152,10 +151,9 @@ class Scene:
         self._has_new_basin = False
         self._scale(now)
         # From pixels, the first at the top left, to phase and velocity.
+        scale = [axes.TWO_PI / picture.width, (picture.low - picture.high) / picture.height, 1.0]
         self._send('section/plane/basin', now, rr.Transform3D.columns(
-            translation=[[0.0, picture.high, 0.0]],
-            scale=[[axes.TWO_PI / picture.width, (picture.low - picture.high) / picture.height,
-                    1.0]]))
+            translation=[[0.0, picture.high, 0.0]], scale=[scale]))
         self._send('section/plane/basin/image', now, rr.EncodedImage.columns(
             blob=[picture.png], media_type=['image/png'], opacity=[axes.BASIN_OPACITY],
             draw_order=[-10.0]))
@@ -166,8 +164,8 @@ class Scene:
         motion = rebuild(recent.whole(), FLIGHT_STEP, axes.FLIGHT_PERIODS)
         if not len(motion.tau) or recent.now is None:
             return
-        x = motion.tau / axes.TWO_PI
-        line = np.stack([x, motion.displacement], axis=1).astype(np.float32)
+        line = np.stack(
+            [motion.tau / axes.TWO_PI, motion.displacement], axis=1).astype(np.float32)
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
     def _draw_alpha(self, changes: RowArray, now: Place) -> None:

@@ -17,7 +17,6 @@ from .axes import blueprint
 from ..base.errors import UserError
 from ..base.process import apart
 
-APPLICATION: Final = 'gear_rattle_ros'
 LOOPBACK: Final = '127.0.0.1'
 # Memory of a window or the web server; beyond it the oldest data are dropped.
 MEMORY_LIMIT: Final = '1GB'
@@ -123,7 +122,7 @@ class Window:
 
 
 def _recording(sink: rr.FileSink | rr.GrpcSink, colour: str) -> rr.RecordingStream:
-    recording = rr.RecordingStream(APPLICATION)
+    recording = rr.RecordingStream('gear_rattle_ros')
     recording.set_sinks(sink, default_blueprint=blueprint(colour))
     return recording
 
