@@ -1,7 +1,7 @@
 """Conversions between numpy arrays and ROS messages, with stamps and frame ids."""
 
 import array
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import math
 from typing import Final
 
@@ -83,7 +83,7 @@ def events_from_cloud(cloud: PointCloud2) -> EventArray:
         memoryview(cloud.data))
 
 
-def joint_state(values: Mapping[str, tuple[float, float]], stamp: Time,
+def joint_state(values: Mapping[str, Iterable[float]], stamp: Time,
                 frame_id: str = '') -> JointState:
     """Return a JointState of named (position, velocity) pairs; effort is filled with zeros."""
     return JointState(

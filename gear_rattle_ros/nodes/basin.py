@@ -201,9 +201,8 @@ class Basin(ReportingNode):
             Parameters)))
         before, now = self._wanted, time.monotonic()
         if before is None or parameters != before.parameters:
-            self._wanted = Wanted(
-                parameters, int(last['epoch']), cloud.header.stamp, now,
-                before is not None and now - before.since < SETTLED)
+            self._wanted = Wanted(parameters, int(last['epoch']), cloud.header.stamp, now,
+                                  before is not None and now - before.since < SETTLED)
             self._counts['parameters'] += 1
 
     def _decide(self) -> None:
@@ -219,9 +218,8 @@ class Basin(ReportingNode):
             self._job = None
         has_settled = time.monotonic() - wanted.since >= SETTLED
         if begun is None or begun.wanted is not wanted or (begun.is_coarse and has_settled):
-            self._job = self._begun = Job(
-                wanted, self._memory, self._settings, wanted.is_passing and not has_settled,
-                self._put)
+            self._job = self._begun = Job(wanted, self._memory, self._settings,
+                                          wanted.is_passing and not has_settled, self._put)
             self._job.start()
 
     def _put(self, job: Job, picture: Picture | None) -> None:

@@ -202,17 +202,13 @@ class Simulator(ReportingNode):
     def _publish_joints(self) -> None:
         state = self._simulation.state
         alpha = self._simulation.parameters.alpha
-        driver = -alpha * math.sin(state.phase)
-        driver_speed = -alpha * math.cos(state.phase)
-        angle = self.number('backlash_angle')
-        speed = angle * self._omega
+        gap = np.array([state.displacement, state.velocity])
         # s = driven - driver: the driver vibrates and hits the driven gear.
+        driver = -alpha * np.array([math.sin(state.phase), math.cos(state.phase)])
+        scale = self.number('backlash_angle') * np.array([1.0, self._omega])
         self._joints.publish(messages.joint_state({
-            'driver_gear': (angle * driver, speed * driver_speed),
-            'driven_gear': (angle * (state.displacement + driver),
-                            speed * (state.velocity + driver_speed)),
-            'backlash': (angle * state.displacement, speed * state.velocity),
-        }, self._stamp()))
+            'driver_gear': scale * driver, 'driven_gear': scale * (gap + driver),
+            'backlash': scale * gap}, self._stamp()))
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:

@@ -138,7 +138,6 @@ class Recorder(ReportingNode):
         return level, message, values
 
     def close(self) -> None:
-        """Write what has arrived, close the bag and print what it holds."""
         # What has arrived was acknowledged: nobody else keeps it.
         now = time.time_ns()
         while sum(source.take(_MOST, now) for source in self._sources):
@@ -165,10 +164,9 @@ class Recorder(ReportingNode):
     def _make_writer(self) -> BagWriter:
         name = str(self.values['output']) or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
         try:
-            return BagWriter(
-                Path(name).expanduser(), str(self.values['compression']),
-                largest=int(self.values['max_bag_size']),
-                longest=int(self.values['max_bag_duration']) * 1_000_000_000)
+            return BagWriter(Path(name).expanduser(), str(self.values['compression']),
+                             largest=int(self.values['max_bag_size']),
+                             longest=int(self.values['max_bag_duration']) * 1_000_000_000)
         except BagError as error:
             raise UserError(f'output = {error}') from None
 

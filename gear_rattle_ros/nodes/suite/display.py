@@ -71,7 +71,7 @@ def render(status: Status) -> Panel:
     table.add_column(style='cyan', no_wrap=True)
     table.add_column()
     for name, value in status.rows():
-        style = ('' if name != 'gaps' else 'green' if value == 'none' else 'red')
+        style = '' if name != 'gaps' else 'green' if value == 'none' else 'red'
         table.add_row(name, Text(value, style=style))
     hint = Text('Ctrl-C ends the run and keeps everything', style='dim')
     return Panel(Group(table, hint), title=f'gear rattling: {status.phase}', width=78)

@@ -44,14 +44,6 @@ def colours_of(values: FloatArray, scale: FloatArray = PLASMA) -> npt.NDArray[np
     return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
 
 
-def velocity_ticks(limit: float) -> tuple[list[str], list[tuple[float, float]]]:
-    """Return labels at the left of the section, and their positions."""
-    shares = (1.0, 0.5, 0.0, -0.5, -1.0)
-    # A label stands below its point.
-    return ([f'{share * limit:g}'.replace('-', '−') for share in shares],
-            [(-0.4, -share * HALF_HEIGHT - 0.18) for share in shares])
-
-
 def section_axes() -> list[Logged]:
     """Return the static part of the section: frame, ticks of the phase, the line of rest."""
     low, high = -HALF_HEIGHT, HALF_HEIGHT
@@ -69,8 +61,7 @@ def section_axes() -> list[Logged]:
         ('section/plane/impacts', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(1.3), draw_order=30.0)),
         ('section/plane/newest', rr.Points2D.from_fields(
-            radii=rr.Radius.ui_points(2.2), colors=0xFFFFFFFF, draw_order=40.0)),
-    ]
+            radii=rr.Radius.ui_points(2.2), colors=0xFFFFFFFF, draw_order=40.0))]
 
 
 def flight_axes() -> list[Logged]:
@@ -89,8 +80,7 @@ def flight_axes() -> list[Logged]:
             radii=rr.Radius.ui_points(1.0), colors=rgba(SKY), draw_order=30.0)),
         ('flight/tau', _labels(
             ticks, [f'{x}'.replace('-', '−') for x in range(first, last + 1)])),
-        ('flight/walls', _labels([(edge, -0.1), (edge, 0.75)], ['s = 0', 's = −1'])),
-    ]
+        ('flight/walls', _labels([(edge, -0.1), (edge, 0.75)], ['s = 0', 's = −1']))]
 
 
 def _lines(strips: Any, width: float, colour: int, order: float) -> rr.LineStrips2D:

@@ -74,7 +74,6 @@ class Viewer(ReportingNode):
         return ('warn', self._lost, values) if self._lost else (level, message, values)
 
     def close(self) -> None:
-        """Draw what is left and write everything out."""
         for scene in list(self._scenes):
             self._draw_scene(scene, self._document(), time.monotonic())
         is_whole = self._file in self._scenes

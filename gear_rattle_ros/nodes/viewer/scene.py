@@ -141,8 +141,11 @@ class Scene:
         self._limit = limit
         self._send('section/plane', now, rr.Transform3D.columns(
             scale=[[1.0, -axes.HALF_HEIGHT / limit, 1.0]]))
-        labels, places = axes.velocity_ticks(limit)
-        self._send('section/velocity', now, points(positions=places, labels=labels))
+        shares = (1.0, 0.5, 0.0, -0.5, -1.0)
+        # At the left; a label stands below its point.
+        self._send('section/velocity', now, points(
+            positions=[(-0.4, -share * axes.HALF_HEIGHT - 0.18) for share in shares],
+            labels=[f'{share * limit:g}'.replace('-', '−') for share in shares]))
 
     def _draw_basin(self, now: Place) -> None:
         picture = self._basin
@@ -169,10 +172,9 @@ class Scene:
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
     def _draw_alpha(self, changes: RowArray, now: Place) -> None:
-        self._columns(
-            'alpha', np.append(changes['impact'], now.impact),
-            np.append(changes['drive_time'], now.drive_time),
-            rr.Scalars.columns(scalars=np.append(changes['alpha'], now.event['alpha'])))
+        impact, drive_time, alpha = (np.append(changes[name], last) for name, last in (
+            ('impact', now.impact), ('drive_time', now.drive_time), ('alpha', now.event['alpha'])))
+        self._columns('alpha', impact, drive_time, rr.Scalars.columns(scalars=alpha))
 
     def _draw_exponents(self, recent: Recent) -> None:
         taken = list(self._estimates)

@@ -77,7 +77,9 @@ class Window:
 
     def __init__(self, mode: str, web_port: int, colour: str) -> None:
         self._stays = mode == 'native'
-        port = _free_port()
+        with socket.socket() as probe:
+            probe.bind((LOOPBACK, 0))
+            port = int(probe.getsockname()[1])
         url = f'rerun+http://{LOOPBACK}:{port}/proxy'
         command = [_executable(), '--bind', LOOPBACK, '--port', str(port)]
         if self._stays:
@@ -133,12 +135,6 @@ def _executable() -> str:
     if found is None or found.origin is None:
         raise UserError('rerun-sdk has no viewer here; try mode:=none save:=FILE.rrd')
     return str(Path(found.origin).parent / 'rerun')
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        return int(probe.getsockname()[1])
 
 
 def _listens(port: int) -> bool:
