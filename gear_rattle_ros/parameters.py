@@ -27,7 +27,7 @@ class Specification:
     unit: str = '1'
     low: float | None = None
     high: float | None = None
-    read_only: bool = False
+    read_only: bool = True
     choices: tuple[str, ...] = ()
 
     def descriptor(self) -> msg.ParameterDescriptor:
@@ -71,8 +71,8 @@ _TYPE_NAMES: Final[dict[type, str]] = {
 # Parameters that rclpy itself declares or reads.
 _OF_ROS: Final = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
 BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
-_live = Specification
-_fixed = functools.partial(Specification, read_only=True)
+_fixed = Specification
+_live = functools.partial(Specification, read_only=False)
 
 SIMULATOR: Final = (
     _live('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),

@@ -71,7 +71,7 @@ class _Source:
 
     @functools.cached_property
     def topic(self) -> Topic:
-        """The topic with its publisher, which is known once the first message has arrived."""
+        """Describe the topic; its publisher is known once the first message has arrived."""
         publishers = [each for each in self._node.get_publishers_info_by_topic(self.name)
                       if each.topic_type == self._type_name]
         return Topic(
