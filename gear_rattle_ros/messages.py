@@ -1,7 +1,7 @@
 """Conversions between numpy arrays and ROS messages, with stamps and frame ids."""
 
 import array
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import math
 from typing import Final
 
@@ -18,12 +18,9 @@ from .core.stream.report_values import texts
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'
-LEVELS: Final = {'ok': DiagnosticStatus.OK, 'warn': DiagnosticStatus.WARN,
-                 'error': DiagnosticStatus.ERROR}
 _FIELDS: Final = [
     PointField(name=name, offset=offset, datatype=datatype, count=count)
-    for name, offset, datatype, count in point_fields()
-]
+    for name, offset, datatype, count in point_fields()]
 
 
 def stamp_from_nanoseconds(nanoseconds: int) -> Time:
@@ -72,8 +69,7 @@ def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time) -> Image:
     height, width, _ = pixels.shape
     return Image(
         header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=height, width=width,
-        encoding='rgb8', is_bigendian=0, step=3 * width,
-        data=array.array('B', pixels.tobytes()))
+        encoding='rgb8', step=3 * width, data=array.array('B', pixels.tobytes()))
 
 
 def events_from_cloud(cloud: PointCloud2) -> EventArray:
@@ -87,7 +83,7 @@ def events_from_cloud(cloud: PointCloud2) -> EventArray:
         memoryview(cloud.data))
 
 
-def joint_state(values: Mapping[str, tuple[float, float]], stamp: Time,
+def joint_state(values: Mapping[str, Iterable[float]], stamp: Time,
                 frame_id: str = '') -> JointState:
     """Return a JointState of named (position, velocity) pairs; effort is filled with zeros."""
     return JointState(
@@ -106,6 +102,7 @@ def diagnostic_array(name: str, hardware_id: str, level: str, message: str,
                      values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
     """Return a DiagnosticArray with one status; floats are written with all their digits."""
     status = DiagnosticStatus(
-        level=LEVELS[level], name=name, message=message, hardware_id=hardware_id,
+        level=getattr(DiagnosticStatus, level.upper()), name=name, message=message,
+        hardware_id=hardware_id,
         values=[KeyValue(key=key, value=text) for key, text in texts(values).items()])
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 import difflib
+import functools
 import math
 from typing import Final, TypeAlias
 
@@ -27,6 +28,7 @@ class Specification:
     low: float | None = None
     high: float | None = None
     read_only: bool = True
+    choices: tuple[str, ...] = ()
 
     def descriptor(self) -> msg.ParameterDescriptor:
         descriptor = msg.ParameterDescriptor(
@@ -50,11 +52,11 @@ class Specification:
             raise ValueError(f'{self.name} = {shown(value)} is not of type {_TYPE_NAMES[wanted]}')
         if isinstance(value, float) and math.isnan(value):
             raise ValueError(f'{self.name} = {value!r} is not a number')
-        if self.low is not None and self.high is not None:
-            assert isinstance(value, (int, float))
-            if not self.low <= value <= self.high:
-                raise ValueError(
-                    f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
+        if self.choices and value not in self.choices:
+            raise ValueError(f'{self.name} = {value!r} is not one of {", ".join(self.choices)}')
+        if isinstance(value, (int, float)) and self.low is not None and self.high is not None and (
+                not self.low <= value <= self.high):
+            raise ValueError(f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
         return value
 
 
@@ -68,102 +70,102 @@ _TYPE_NAMES: Final[dict[type, str]] = {
     bool: 'bool', int: 'integer', float: 'double', str: 'string'}
 # Parameters that rclpy itself declares or reads.
 _OF_ROS: Final = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
-_BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
+BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
+_fixed = Specification
+_live = functools.partial(Specification, read_only=False)
 
 SIMULATOR: Final = (
-    Specification('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM,
-                  read_only=False),
-    Specification('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM, read_only=False),
-    Specification('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM,
-                  high=model.GAMMA_MAXIMUM, read_only=False),
-    Specification('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0,
-                  read_only=False),
-    Specification('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
-                  high=simulation.NOISE_MAXIMUM, read_only=False),
-    Specification('rate', 100.0, 'speed; 0 = as fast as the readers keep up',
-                  'drive periods per second', 0.0, 1e7, read_only=False),
-    Specification('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0,
-                  high=model.ALPHA_MAXIMUM, read_only=False),
-    Specification('alpha_rate', 0.0, 'change of alpha at the end of every drive period until it '
-                  'reaches alpha_target; 0 = no ramp; it becomes 0 when the ramp ends or alpha is '
-                  'set', '1 per drive period', 0.0, 1.0, read_only=False),
-    Specification('initial_phase', 0.0, 'initial drive phase, also after a reset', 'rad', 0.0,
-                  _BELOW_TWO_PI, read_only=False),
-    Specification('initial_displacement', 0.0, 'initial displacement, also after a reset',
-                  low=-1.0, high=0.0, read_only=False),
-    Specification('initial_velocity', -0.5, 'initial velocity, also after a reset',
-                  low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM, read_only=False),
-    Specification('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
-                  simulation.SEED_MAXIMUM, read_only=False),
-    Specification('omega', 2.0 * math.pi, 'drive frequency, for the stamps: time is tau/omega',
-                  'rad/s', 1e-6, 1e9),
-    Specification('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0),
-    Specification('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0),
-    Specification('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9,
-                  1.0),
-    Specification('publish_clock', False, 'publish the simulated time on /clock', ''),
-    Specification('wait_for_readers', 0, 'begin when impacts has this number of subscriptions',
-                  'subscriptions', 0, 1000),
+    _live('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
+    _live('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
+    _live('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM, high=model.GAMMA_MAXIMUM),
+    _live('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0),
+    _live('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
+          high=simulation.NOISE_MAXIMUM),
+    _live('rate', 100.0, 'speed; 0 = as fast as the readers keep up', 'drive periods per second',
+          0.0, 1e7),
+    _live('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0, high=model.ALPHA_MAXIMUM),
+    _live('alpha_rate', 0.0, 'change of alpha at the end of every drive period until it reaches '
+          'alpha_target; 0 = no ramp; it becomes 0 when the ramp ends or alpha is set', '1 per '
+          'drive period', 0.0, 1.0),
+    _live('initial_phase', 0.0, 'initial drive phase, also after a reset', 'rad', 0.0,
+          BELOW_TWO_PI),
+    _live('initial_displacement', 0.0, 'initial displacement, also after a reset', low=-1.0,
+          high=0.0),
+    _live('initial_velocity', -0.5, 'initial velocity, also after a reset',
+          low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
+    _live('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
+          simulation.SEED_MAXIMUM),
+    _fixed('omega', 2.0 * math.pi, 'drive frequency, for the stamps: time is tau/omega', 'rad/s',
+           1e-6, 1e9),
+    _fixed('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0),
+    _fixed('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0),
+    _fixed('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9, 1.0),
+    _fixed('publish_clock', False, 'publish the simulated time on /clock', ''),
+    _fixed('wait_for_readers', 0, 'begin when impacts has this number of subscriptions',
+           'subscriptions', 0, 1000),
 )
 LYAPUNOV: Final = (
-    Specification('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0),
-    Specification('window', 1000, 'impacts in the finite-time exponent', 'impacts', 1, 1000000),
+    _fixed('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0),
+    _fixed('window', 1000, 'impacts in the finite-time exponent', 'impacts', 1, 1000000),
 )
 TRANSIENTS: Final = (
-    Specification('tolerance', 1e-3, 'largest distance from an orbit in phase and velocity',
-                  low=1e-9, high=0.1),
+    _fixed('tolerance', 1e-3, 'largest distance from an orbit in phase and velocity', low=1e-9,
+           high=0.1),
 )
 BASIN: Final = (
-    Specification('size', 800, 'edge of the finest picture; the first has 50, each next one twice '
-                  'as many', 'cells', 50, 4000),
-    Specification('plane', 'section', 'plane of the initial conditions: section (on the wall they '
-                  'move towards, so that every impact lies in its own basin) or displacement', ''),
-    Specification('displacement', 0.0, 'displacement of all initial conditions where plane = '
-                  'displacement', low=-1.0, high=0.0),
-    Specification('velocity_limit', 0.0, 'highest velocity of the plane, in both directions; 0 = '
-                  'chosen to suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM),
-    Specification('cap', 20000, 'impacts after which an initial condition counts as unsettled',
-                  'impacts', 100, 10000000),
-    Specification('threads', 2, 'number of computing threads', 'threads', 1, 256),
-    Specification('niceness', 10, 'niceness of the first picture: 0 = as important as other '
-                  'processes, 19 = least, as for finer pictures', '', 0, 19),
+    _fixed('size', 800, 'edge of the finest picture; the first has 50, each next one twice as '
+           'many', 'cells', 50, 4000),
+    _fixed('plane', 'section', 'plane of the initial conditions: section (on the wall they move '
+           'towards, so that every impact lies in its own basin) or displacement', '',
+           choices=('section', 'displacement')),
+    _fixed('displacement', 0.0, 'displacement of all initial conditions where plane = '
+           'displacement', low=-1.0, high=0.0),
+    _fixed('velocity_limit', 0.0, 'highest velocity of the plane, in both directions; 0 = chosen '
+           'to suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM),
+    _fixed('cap', 20000, 'impacts after which an initial condition counts as unsettled', 'impacts',
+           100, 10000000),
+    _fixed('threads', 2, 'number of computing threads', 'threads', 1, 256),
+    _fixed('niceness', 10, 'niceness of the first picture: 0 = as important as other processes, '
+           '19 = least, as for finer pictures', '', 0, 19),
 )
 RECORDER: Final = (
-    Specification('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', ''),
-    Specification('compression', 'zstd', 'compression of the chunks: zstd, lz4 or none', ''),
-    Specification('max_bag_size', 0, 'size at which another file of the bag begins; 0 = never',
-                  'bytes', 0, 2**53),
-    Specification('max_bag_duration', 3600, 'duration at which another file begins; the index of '
-                  'a file is in memory until then; 0 = never', 's', 0, 10**9),
+    _fixed('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', ''),
+    _fixed('compression', 'zstd', 'compression of the chunks: zstd, lz4 or none', '',
+           choices=('zstd', 'lz4', 'none')),
+    _fixed('max_bag_size', 0, 'size at which another file of the bag begins; 0 = never', 'bytes',
+           0, 2**53),
+    _fixed('max_bag_duration', 3600, 'duration at which another file begins; the index of a file '
+           'is in memory until then; 0 = never', 's', 0, 10**9),
 )
 REPLAY: Final = (
-    Specification('bag', '', 'bag directory or .mcap file', ''),
-    Specification('speed', 1.0, 'speed in units of the recorded one; 0 = as fast as the readers '
-                  'keep up', '1', 0.0, 1e6),
-    Specification('start', 0.0, 'time after the first message at which to begin', 's', 0.0, 1e12),
-    Specification('end', 0.0, 'time after the first message at which to stop; 0 = at the end', 's',
-                  0.0, 1e12),
-    Specification('loop', False, 'begin again at the end', ''),
-    Specification('clock', False, 'publish the recorded time on /clock', ''),
-    Specification('topics', '', 'names of topics, separated by blanks; empty = all but '
-                  '/diagnostics and /parameter_events', ''),
-    Specification('wait_for_readers', 0, 'begin when a topic has this number of subscriptions; 0 '
-                  '= when the number has not changed for 1 s', 'subscriptions', 0, 1000),
+    _fixed('bag', '', 'bag directory or .mcap file', ''),
+    _fixed('speed', 1.0, 'speed in units of the recorded one; 0 = as fast as the readers keep up',
+           '1', 0.0, 1e6),
+    _fixed('start', 0.0, 'time after the first message at which to begin', 's', 0.0, 1e12),
+    _fixed('end', 0.0, 'time after the first message at which to stop; 0 = at the end', 's', 0.0,
+           1e12),
+    _fixed('loop', False, 'begin again at the end', ''),
+    _fixed('clock', False, 'publish the recorded time on /clock', ''),
+    _fixed('topics', '', 'names of topics, separated by blanks; empty = all but /diagnostics and '
+           '/parameter_events', ''),
+    _fixed('wait_for_readers', 0, 'begin when a topic has this number of subscriptions; 0 = when '
+           'the number has not changed for 1 s', 'subscriptions', 0, 1000),
 )
 VIEWER: Final = (
-    Specification('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there '
-                  'is a display, else web, or none beside a file', ''),
-    Specification('save', '', 'file to write, too (.rrd); empty = none', ''),
-    Specification('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
-    Specification('colour', 'age', 'quantity that colours the section: age or alpha', ''),
+    _fixed('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there is a '
+           'display, else web, or none beside a file', '',
+           choices=('auto', 'native', 'web', 'none')),
+    _fixed('save', '', 'file to write, too (.rrd); empty = none', ''),
+    _fixed('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
+    _fixed('colour', 'age', 'quantity that colours the section: age or alpha', '',
+           choices=('age', 'alpha')),
 )
 TELEOP: Final = (
-    Specification('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),
-    Specification('coarse', 0.01, 'step of alpha by an arrow key', low=1e-12, high=10.0),
-    Specification('fine', 0.0005, 'step of alpha by an arrow key with shift', low=1e-12,
-                  high=10.0),
-    Specification('ramp_rate', 1e-5, 'change of alpha in a ramp where none is typed',
-                  '1 per drive period', 1e-12, 1.0),
+    _fixed('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),
+    _fixed('coarse', 0.01, 'step of alpha by an arrow key', low=1e-12, high=10.0),
+    _fixed('fine', 0.0005, 'step of alpha by an arrow key with shift', low=1e-12, high=10.0),
+    _fixed('ramp_rate', 1e-5, 'change of alpha in a ramp where none is typed', '1 per drive '
+           'period', 1e-12, 1.0),
 )
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'simulator': SIMULATOR, 'lyapunov': LYAPUNOV, 'transients': TRANSIENTS, 'basin': BASIN,
@@ -171,14 +173,9 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
 
 
 def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
-    """
-    Declare a table on a node whose overrides are declared; ValueError names a bad one.
-
-    An integer is accepted for a double; a name that is not in the table is refused.
-    """
+    """Declare a table on a node whose overrides are; ValueError names a bad or unknown one."""
     names = [specification.name for specification in table]
-    given = {
-        name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
+    given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
     for name in given:
         if name not in names and not name.startswith(_OF_ROS):
             close = difflib.get_close_matches(name, names, 1)
@@ -202,6 +199,9 @@ def guard(node: Node, table: Sequence[Specification],
     specifications = {specification.name: specification for specification in table}
     doubles = [each.name for each in table if isinstance(each.default, float)]
 
+    def known(parameters: list[Parameter]) -> dict[str, Value]:
+        return {each.name: each.value for each in parameters if each.name in specifications}
+
     def promote(parameters: list[Parameter]) -> list[Parameter]:
         return [Parameter(each.name, Parameter.Type.DOUBLE, float(each.value))
                 if each.type_ == Parameter.Type.INTEGER and each.name in doubles else each
@@ -210,15 +210,12 @@ def guard(node: Node, table: Sequence[Specification],
     def accept(parameters: list[Parameter]) -> msg.SetParametersResult:
         # An exception would end the node: it becomes the answer instead.
         try:
-            validate({each.name: specifications[each.name].check(each.value)
-                      for each in parameters if each.name in specifications})
+            validate({name: specifications[name].check(value)
+                      for name, value in known(parameters).items()})
         except Exception as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
         return msg.SetParametersResult(successful=True)
 
-    def put(parameters: list[Parameter]) -> None:
-        apply({each.name: each.value for each in parameters if each.name in specifications})
-
     node.add_pre_set_parameters_callback(promote)
     node.add_on_set_parameters_callback(accept)
-    node.add_post_set_parameters_callback(put)
+    node.add_post_set_parameters_callback(lambda parameters: apply(known(parameters)))

@@ -23,13 +23,11 @@ Number: TypeAlias = int | float
 START: Final[Mapping[str, Number]] = types.MappingProxyType({
     'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9, 'noise': 0.0, 'seed': 0, 'rate': 1000.0,
     'initial_phase': 0.0, 'initial_displacement': 0.0, 'initial_velocity': -1.0,
-    'alpha_rate': 0.0,
-})
+    'alpha_rate': 0.0})
 NAMES: Final = ('alpha', 'alpha_target', *START)
 LIMITS: Final[Mapping[str, tuple[float, float]]] = types.MappingProxyType({
     'noise': (0.0, NOISE_MAXIMUM), 'rate': (0.0, 1e7), 'alpha_rate': (0.0, 1.0),
-    'seed': (0, SEED_MAXIMUM),
-})
+    'seed': (0, SEED_MAXIMUM)})
 
 
 @dataclasses.dataclass(frozen=True)

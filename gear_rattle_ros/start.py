@@ -16,36 +16,16 @@ from typing import NoReturn
 
 # Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
 EXECUTABLES = {
-    'attractors': 'cli.attractors',
-    'basin': 'nodes.basin',
-    'basins': 'cli.basins',
-    'continuation': 'cli.continuation',
-    'crisis': 'cli.crisis',
-    'draw': 'cli.draw',
     'explorer': 'explorer.server',
-    'exponents': 'cli.exponents',
-    'figures': 'cli.figures',
-    'lifetimes': 'cli.lifetimes',
-    'lyapunov': 'nodes.lyapunov',
-    'orbit_diagram': 'cli.orbit_diagram',
-    'recorder': 'nodes.recorder.node',
-    'recover': 'cli.recover',
-    'replay': 'nodes.replay.node',
-    'section': 'cli.section',
-    'simulator': 'nodes.simulator',
-    'suite': 'nodes.suite.node',
-    'summary': 'cli.summary',
-    'teleop': 'nodes.teleop.node',
-    'transients': 'nodes.transients',
-    'verify': 'cli.verify',
-    'viewer': 'nodes.viewer.node',
-}
+    **{name: f'nodes.{name}' for name in ('basin', 'lyapunov', 'simulator', 'transients')},
+    **{name: f'nodes.{name}.node' for name in ('recorder', 'replay', 'suite', 'teleop', 'viewer')},
+    **{name: f'cli.{name}' for name in (
+        'attractors', 'basins', 'continuation', 'crisis', 'draw', 'exponents', 'figures',
+        'lifetimes', 'orbit_diagram', 'recover', 'section', 'summary', 'verify')}}
 
 # Variables that libraries read while they are imported. Rerun would warn of a file without an
 # index, which the viewer adds at the end.
-ENVIRONMENT = {
-    'viewer': {'RUST_LOG': 'warn,re_log_encoding::rrd::file_sink=error'},
-}
+ENVIRONMENT = {'viewer': {'RUST_LOG': 'warn,re_log_encoding::rrd::file_sink=error'}}
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -17,7 +17,6 @@ import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
 
-from .base.errors import UserError
 from .base.event_input import arrived
 from .base.node import ReportingNode
 from .base.process import run_node
@@ -28,7 +27,6 @@ from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.matching import follow, points_of, Trace
 from ..attractors.plane import Plane
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
-from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
@@ -36,13 +34,10 @@ from ..core.words import counted
 from ..palette import colours_of, painted
 from ..qos import LATCHED, NEWEST
 
-PLANES: Final = ('section', 'displacement')
 # Interval at which the newest event is read [s].
 POLL: Final = 0.01
 # Parameters that stay for this time have settled; until then pictures are coarse [s].
 SETTLED: Final = 0.05
-# Niceness of the work on all but the first picture.
-LEAST: Final = 19
 # Highest velocity of the plane, in units of the fastest impact's.
 ROOM: Final = 1.5
 POINT: Final = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<f4'),
@@ -61,7 +56,6 @@ class Unwatched(MutuallyExclusiveCallbackGroup):
     """A group the executor never runs: its subscription is read when there is time for it."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return False."""
         return False
 
 
@@ -79,8 +73,6 @@ class Wanted:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """The parameters of the node, which are fixed."""
-
     sizes: tuple[int, ...]
     on_walls: bool
     displacement: float
@@ -96,10 +88,6 @@ class Memory:
 
     traces: tuple[Trace, ...] = ()
     limit: float = 0.0
-
-    def hints(self) -> FloatArray:
-        """Return a point of every known attractor."""
-        return np.concatenate([np.zeros((0, 3)), *(trace.points[:1] for trace in self.traces)])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +131,8 @@ class Job(threading.Thread):
 
     def _compute(self) -> None:
         wanted, settings, memory = self.wanted, self._settings, self._memory
-        seen, fastest = glance(wanted.parameters, memory.hints())
+        seen, fastest = glance(wanted.parameters, np.concatenate(
+            [np.zeros((0, 3)), *(trace.points[:1] for trace in memory.traces)]))
         limit = settings.velocity_limit or (
             nice_limit(ROOM * fastest, memory.limit) if fastest else memory.limit or 1.0)
         sizes = settings.sizes[:1] if self.is_coarse else settings.sizes
@@ -155,7 +144,7 @@ class Job(threading.Thread):
                                   is_complete=basins.is_complete)
             memory = Memory(traces, limit)
             # Finer pictures give way to everything, but must not starve: they may hold the GIL.
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LEAST)
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
 
 
@@ -164,13 +153,10 @@ class Basin(ReportingNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('basin', **options)
-        plane = str(self.values['plane'])
-        if plane not in PLANES:
-            raise UserError(f'plane = {plane!r} is not one of {", ".join(PLANES)}')
         self._settings = Settings(
-            sizes_up_to(int(self.number('size'))), plane == 'section',
-            self.number('displacement'), self.number('velocity_limit'), int(self.number('cap')),
-            int(self.number('threads')), int(self.number('niceness')))
+            sizes_up_to(int(self.number('size'))), self.values['plane'] == 'section',
+            self.number('displacement'), self.number('velocity_limit'),
+            *(int(self.number(name)) for name in ('cap', 'threads', 'niceness')))
         self._memory = Memory()
         self._wanted: Wanted | None = None
         # The job that runs, and the one that was started last.
@@ -182,9 +168,8 @@ class Basin(ReportingNode):
         self._seconds = {'first_picture_seconds': 0.0, 'last_picture_seconds': 0.0}
         warm_up(self._settings)
         give_way(self._settings.niceness)
-        self._image = self.create_publisher(Image, 'basin', LATCHED)
-        self._attractors = self.create_publisher(PointCloud2, 'attractors', LATCHED)
-        self._state = self.create_publisher(DiagnosticArray, 'basin_state', LATCHED)
+        self._outputs = [self.create_publisher(kind, name, LATCHED) for kind, name in (
+            (DiagnosticArray, 'basin_state'), (PointCloud2, 'attractors'), (Image, 'basin'))]
         self._stream = self.create_subscription(
             PointCloud2, 'impacts', lambda cloud: None, NEWEST, callback_group=Unwatched())
         self._arrived = self.create_guard_condition(self._publish)
@@ -192,11 +177,9 @@ class Basin(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what was published, and how soon after the parameters changed."""
         return 'ok', self._words, self._counts | self._seconds
 
     def close(self) -> None:
-        """Drop the work."""
         if self._job is not None:
             self._job.dropped.set()
 
@@ -217,12 +200,10 @@ class Basin(ReportingNode):
         parameters = Parameters(*(float(last[field.name]) for field in dataclasses.fields(
             Parameters)))
         before, now = self._wanted, time.monotonic()
-        if before is not None and parameters == before.parameters:
-            return
-        self._wanted = Wanted(
-            parameters, int(last['epoch']), cloud.header.stamp, now,
-            before is not None and now - before.since < SETTLED)
-        self._counts['parameters'] += 1
+        if before is None or parameters != before.parameters:
+            self._wanted = Wanted(parameters, int(last['epoch']), cloud.header.stamp, now,
+                                  before is not None and now - before.since < SETTLED)
+            self._counts['parameters'] += 1
 
     def _decide(self) -> None:
         wanted, job, begun = self._wanted, self._job, self._begun
@@ -237,13 +218,11 @@ class Basin(ReportingNode):
             self._job = None
         has_settled = time.monotonic() - wanted.since >= SETTLED
         if begun is None or begun.wanted is not wanted or (begun.is_coarse and has_settled):
-            self._job = self._begun = Job(
-                wanted, self._memory, self._settings, wanted.is_passing and not has_settled,
-                self._put)
+            self._job = self._begun = Job(wanted, self._memory, self._settings,
+                                          wanted.is_passing and not has_settled, self._put)
             self._job.start()
 
     def _put(self, job: Job, picture: Picture | None) -> None:
-        """Hand a picture over from the thread of a job."""
         self._results.put((job, picture))
         self._arrived.trigger()
 
@@ -260,9 +239,9 @@ class Basin(ReportingNode):
                 self._decide()
                 continue
             self._memory = picture.memory
-            self._state.publish(picture.state)
-            self._attractors.publish(picture.attractors)
-            self._image.publish(picture.image)
+            for output, message in zip(self._outputs, (
+                    picture.state, picture.attractors, picture.image), strict=True):
+                output.publish(message)
             self._words = picture.state.status[0].message
             self._counts['pictures'] += 1
             seconds = time.monotonic() - job.wanted.since
@@ -297,7 +276,6 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
 
 def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
              colours: Mapping[int, str], settings: Settings) -> DiagnosticArray:
-    """Return the values of the picture, and of every attractor."""
     plane, parameters, stamp = basins.plane, wanted.parameters, wanted.stamp
     unsettled = basins.share(UNSETTLED)
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
@@ -322,7 +300,6 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
 
 
 def warm_up(settings: Settings) -> None:
-    """Compile all kernels before the first parameters arrive."""
     seen, _ = glance(Parameters(), np.zeros((0, 3)))
     planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
     for basins in watch(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,

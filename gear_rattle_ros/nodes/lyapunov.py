@@ -19,9 +19,6 @@ from ..core.stream.report_values import infinite_in_words, lyapunov_values
 from ..messages import named_values
 from ..qos import STREAM
 
-# How long the last estimate may take to arrive when the node ends [s].
-LAST_ESTIMATE = 0.2
-
 
 class Lyapunov(ReportingNode):
     """Feeds the stream to a RunningLyapunov and publishes its estimate at a steady rate."""
@@ -41,16 +38,14 @@ class Lyapunov(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return the estimate and what was lost."""
         now = dataclasses.asdict(self._running.report)
-        level, message, values = self._input.report()
-        return level, message, {**values, **now, 'infinite': infinite_in_words(now) or 'none'}
+        return self._input.report(**now, infinite=infinite_in_words(now) or 'none')
 
     def close(self) -> None:
-        """Publish the last estimate."""
         self._input.drain()
         self._publish()
-        self._publisher.wait_for_all_acked(Duration(seconds=LAST_ESTIMATE))
+        # How long the last estimate may take to arrive.
+        self._publisher.wait_for_all_acked(Duration(seconds=0.2))
 
     def _publish(self) -> None:
         now = self._running.report

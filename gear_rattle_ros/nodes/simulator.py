@@ -24,7 +24,7 @@ from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
 from ..core.words import counted
-from ..parameters import guard, SIMULATOR, Value
+from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 
 # Most records in one batch, 62 KB: Fast DDS cuts what is beyond 64 KB into fragments, and delivers
@@ -40,9 +40,6 @@ INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
 RAMP_SHOWN_EVERY = 0.25
 # Pause at rate = 0 when there is nothing to do [s].
 IDLE = 0.005
-# How long the last batches may take to arrive when the node ends [s].
-LAST_BATCHES = 0.3
-BELOW_TWO_PI = math.nextafter(2.0 * math.pi, 0.0)
 
 
 class Simulator(ReportingNode):
@@ -57,7 +54,7 @@ class Simulator(ReportingNode):
         self._awaited = int(values['wait_for_readers'])
         began = time.monotonic()
         self._simulation = Simulation(
-            _model(values), _initial(values), noise=self.number('noise'),
+            _model(values), self._initial(values), noise=self.number('noise'),
             seed=int(values['seed']))
         # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
@@ -82,7 +79,6 @@ class Simulator(ReportingNode):
             f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return rates, backlog and parameters."""
         now, impacts = time.monotonic(), self._simulation.impacts
         since, before = self._counted
         self._counted = (now, impacts)
@@ -106,9 +102,9 @@ class Simulator(ReportingNode):
             'rate': self._rate, 'kernels': fingerprint()}
 
     def close(self) -> None:
-        """Publish the last events."""
         self._flush()
-        self._impacts.wait_for_all_acked(Duration(seconds=LAST_BATCHES))
+        # How long the last batches may take to arrive.
+        self._impacts.wait_for_all_acked(Duration(seconds=0.3))
 
     def _period(self) -> float:
         return 0.0 if self._rate == 0.0 else self.number('tick')
@@ -140,7 +136,6 @@ class Simulator(ReportingNode):
             time.sleep(IDLE)
             return False
         self._flush()
-        self._acknowledged.published()
         return True
 
     def _advance(self, periods: float) -> None:
@@ -173,8 +168,7 @@ class Simulator(ReportingNode):
         alpha = before.alpha + math.copysign(
             min(rate, abs(target - before.alpha)), target - before.alpha)
         if alpha != before.alpha:
-            self._outbox.append(
-                self._simulation.retune(dataclasses.replace(before, alpha=alpha)))
+            self._outbox.append(self._simulation.retune(dataclasses.replace(before, alpha=alpha)))
         done = alpha == target
         if done or time.monotonic() - self._ramp_shown > RAMP_SHOWN_EVERY:
             self._ramp_shown = time.monotonic()
@@ -187,8 +181,7 @@ class Simulator(ReportingNode):
         """Set ROS parameters to the values in force."""
         self._setting = True
         try:
-            self.set_parameters([
-                Parameter(name, Parameter.Type.DOUBLE, value) for name, value in values.items()])
+            self.set_parameters([Parameter(name, value=value) for name, value in values.items()])
         finally:
             self._setting = False
 
@@ -197,7 +190,7 @@ class Simulator(ReportingNode):
         if self._outbox:
             events, self._outbox = np.concatenate(self._outbox), []
             for first in range(0, len(events), LARGEST_BATCH):
-                self._impacts.publish(
+                self._acknowledged.publish(
                     messages.cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
         if self._clock_output is not None:
             self._clock_output.publish(Clock(clock=stamp))
@@ -209,33 +202,33 @@ class Simulator(ReportingNode):
     def _publish_joints(self) -> None:
         state = self._simulation.state
         alpha = self._simulation.parameters.alpha
-        driver = -alpha * math.sin(state.phase)
-        driver_speed = -alpha * math.cos(state.phase)
-        angle = self.number('backlash_angle')
-        speed = angle * self._omega
+        gap = np.array([state.displacement, state.velocity])
         # s = driven - driver: the driver vibrates and hits the driven gear.
+        driver = -alpha * np.array([math.sin(state.phase), math.cos(state.phase)])
+        scale = self.number('backlash_angle') * np.array([1.0, self._omega])
         self._joints.publish(messages.joint_state({
-            'driver_gear': (angle * driver, speed * driver_speed),
-            'driven_gear': (angle * (state.displacement + driver),
-                            speed * (state.velocity + driver_speed)),
-            'backlash': (angle * state.displacement, speed * state.velocity),
-        }, self._stamp()))
+            'driver_gear': scale * driver, 'driven_gear': scale * (gap + driver),
+            'backlash': scale * gap}, self._stamp()))
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
             _model(dataclasses.asdict(self._simulation.parameters) | values)
-        _initial({name: values.get(name, self.get_parameter(name).value) for name in INITIAL})
+        self._initial(values)
+
+    def _initial(self, values: Mapping[str, Value]) -> State:
+        """Return the initial condition from some parameters and those in force."""
+        return State(0, *(float(values.get(name, self.get_parameter(name).value))
+                          for name in INITIAL))
 
     def _apply(self, values: dict[str, Value]) -> None:
         if self._setting:
             return
-        changed = {name: float(values[name]) for name in MODEL if name in values}
-        if changed:
-            before = self._simulation.parameters
-            after = dataclasses.replace(before, **changed)
-            if after != before:
-                self._outbox.append(self._simulation.retune(after))
-                self.get_logger().info(_words(after))
+        before = self._simulation.parameters
+        after = dataclasses.replace(
+            before, **{name: float(values[name]) for name in MODEL if name in values})
+        if after != before:
+            self._outbox.append(self._simulation.retune(after))
+            self.get_logger().info(_words(after))
         if 'noise' in values:
             self._simulation.noise = float(values['noise'])
         target = float(values.get('alpha_target', self._ramp[0]))
@@ -249,32 +242,27 @@ class Simulator(ReportingNode):
             self._timer.timer_period_ns = round(self._period() * 1e9)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        state = _initial({name: self.get_parameter(name).value for name in INITIAL})
+        state = self._initial({})
         self._simulation.seed = int(self.get_parameter('seed').value)
         self._outbox.append(
             self._simulation.reset(state.phase, state.displacement, state.velocity))
         now = self._simulation.state
-        response.success = True
-        response.message = (
-            f'reset in drive period {now.cycle} at phase {now.phase:g} to s = '
+        return self._done(
+            response, f'reset in drive period {now.cycle} at phase {now.phase:g} to s = '
             f'{now.displacement:g}, v = {now.velocity:g}; epoch {self._simulation.epoch}')
-        self.get_logger().info(response.message)
-        return response
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = bool(request.data)
-        response.success = True
-        response.message = 'paused' if self._paused else 'running'
-        self.get_logger().info(response.message)
+        return self._done(response, 'paused' if self._paused else 'running')
+
+    def _done(self, response: Any, message: str) -> Any:
+        response.success, response.message = True, message
+        self.get_logger().info(message)
         return response
 
 
 def _model(values: Mapping[str, Value]) -> Parameters:
     return Parameters(**{name: float(values[name]) for name in MODEL})
-
-
-def _initial(values: Mapping[str, Value]) -> State:
-    return State(0, *(float(values[name]) for name in INITIAL))
 
 
 def _words(parameters: Parameters) -> str:

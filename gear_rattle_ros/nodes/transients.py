@@ -34,14 +34,10 @@ class Transients(ReportingNode):
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return the present regime and what was lost."""
-        level, message, values = self._input.report()
-        return level, message, {
-            **values, 'regime': self._detector.report.describe(),
-            'impacts': self._detector.impacts}
+        return self._input.report(
+            regime=self._detector.report.describe(), impacts=self._detector.impacts)
 
     def close(self) -> None:
-        """Publish the last changes."""
         self._input.drain()
 
     def _take(self, events: EventArray) -> None:
@@ -49,11 +45,11 @@ class Transients(ReportingNode):
         # A hole is logged before what follows from it.
         self._input.health.log()
         for change in changes:
+            words, values = change.describe(), transient_values(change)
             self._publisher.publish(diagnostic_array(
-                f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok',
-                change.describe(), transient_values(change) | {'tolerance': self._tolerance},
-                self._input.stamp))
-            self.get_logger().info(change.describe())
+                f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok', words,
+                values | {'tolerance': self._tolerance}, self._input.stamp))
+            self.get_logger().info(words)
 
 
 main = functools.partial(run_node, 'transients', Transients)

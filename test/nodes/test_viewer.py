@@ -31,6 +31,7 @@ from gear_rattle_ros.nodes.viewer.axes import colours_of, HALF_HEIGHT
 from gear_rattle_ros.nodes.viewer.recent import Recent
 from gear_rattle_ros.nodes.viewer.scene import exponent_row, EXPONENTS, SECTION_POINTS
 from gear_rattle_ros.nodes.viewer.sinks import add_index, chosen_mode, file_recording
+from gear_rattle_ros.parameters import VIEWER
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 TWO_PI = 2.0 * math.pi
@@ -101,14 +102,14 @@ def test_exponents_that_are_not_known_leave_a_gap() -> None:
     row = exponent_row({
         'lambda_1': 0.25, 'lambda_1_error': 0.125, 'lambda_2': -math.inf, 'sum': -math.inf,
         'exact_sum': -0.5, 'lambda_1_finite': math.nan})
-    named = dict(zip((name for name, _ in EXPONENTS), row, strict=True))
+    named = dict(zip((each[0] for each in EXPONENTS), row, strict=True))
     assert (named['λ1'], named['λ1 + error'], named['λ1 − error']) == (0.25, 0.375, 0.125)
     assert named['zero'] == 0.0 and named['exact sum'] == -0.5
     assert all(math.isnan(named[name]) for name in ('λ2', 'λ1 + λ2', 'λ1 finite-time'))
     # In a ramp every drive period is an epoch of its own: only the finite-time exponent crosses.
     row = exponent_row({'lambda_1': 0.25, 'lambda_1_error': math.nan, 'lambda_2': -0.5,
                         'sum': -0.25, 'exact_sum': -0.25, 'lambda_1_finite': 0.5, 'impacts': 2.0})
-    named = dict(zip((name for name, _ in EXPONENTS), row, strict=True))
+    named = dict(zip((each[0] for each in EXPONENTS), row, strict=True))
     assert named['λ1 finite-time'] == 0.5
     assert math.isnan(named['λ1']) and math.isnan(named['exact sum'])
 
@@ -293,5 +294,6 @@ def test_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen_mode('auto', '') == 'web'
     with pytest.raises(UserError, match='draws nothing: give save:=FILE.rrd'):
         chosen_mode('none', '')
-    with pytest.raises(UserError, match="mode = 'hologram' is not one of auto, native, web"):
-        chosen_mode('hologram', '')
+    mode, = (each for each in VIEWER if each.name == 'mode')
+    with pytest.raises(ValueError, match="mode = 'hologram' is not one of auto, native, web"):
+        mode.check('hologram')

@@ -58,9 +58,10 @@ def refuse_plain(name: str, plain: Sequence[str]) -> None:
 def refuse_large_files(ros: Sequence[str]) -> None:
     """Raise ValueError where rcl would read a parameter file for minutes."""
     for file in _parameter_files(ros):
-        if os.path.isfile(file) and os.path.getsize(file) > LARGEST_FILE:
-            raise ValueError(f'parameter file {file!r} has {os.path.getsize(file)} bytes; '
-                             f'at most {LARGEST_FILE} are read')
+        size = os.path.getsize(file) if os.path.isfile(file) else 0
+        if size > LARGEST_FILE:
+            raise ValueError(f'parameter file {file!r} has {size} bytes; at most {LARGEST_FILE} '
+                             'are read')
 
 
 def refused_argument(ros: Sequence[str], error: Exception) -> str:
@@ -89,9 +90,8 @@ def misspelt_sections(name: str, ros: Sequence[str]) -> Iterator[str]:
         # ROS ignores a lone word, and a section of another name, in silence.
         if not isinstance(sections, (Mapping, list, type(None))):
             yield f'{file}: {shown(sections)} is not a section and is ignored; {FORM}'
-        for section in _sections_of(sections):
-            if _is_nearest(name, section):
-                yield f'{file}: section {section!r} belongs to no node; did you mean {name!r}?'
+        yield from (f'{file}: section {section!r} belongs to no node; did you mean {name!r}?'
+                    for section in _sections_of(sections) if _is_nearest(name, section))
     for flag, rule in _pairs(ros):
         node, colon, _ = rule.split(':=')[0].rpartition(':')
         if flag in ('-p', '--param') and colon and _is_nearest(name, node):
@@ -108,14 +108,11 @@ def _parameter_files(ros: Sequence[str]) -> Iterator[str]:
 
 def _sections_of(content: Any) -> Iterator[str]:
     """Yield the names in a file that may be nodes, in namespaces too."""
-    places = [content]
-    while places:
-        place = places.pop()
-        for name, inner in place.items() if isinstance(place, Mapping) else ():
-            if name != 'ros__parameters':
-                yield str(name)
-                if not (isinstance(inner, Mapping) and 'ros__parameters' in inner):
-                    places.append(inner)
+    for name, inner in content.items() if isinstance(content, Mapping) else ():
+        if name != 'ros__parameters':
+            yield str(name)
+            if not (isinstance(inner, Mapping) and 'ros__parameters' in inner):
+                yield from _sections_of(inner)
 
 
 def _is_nearest(name: str, section: str) -> bool:

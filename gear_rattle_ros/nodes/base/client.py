@@ -53,12 +53,10 @@ class SimulatorClient:
 
     @property
     def count(self) -> int:
-        """Return how many simulators have the name."""
         return self._node.count_services(f'{self.name}/{RESET}')
 
     @property
     def is_busy(self) -> bool:
-        """Whether an answer is awaited."""
         return bool(self._requests)
 
     def get(self, names: Iterable[str], take: Callable[[dict[str, float]], object]) -> None:
@@ -93,7 +91,6 @@ class SimulatorClient:
         self._ask(RESET, Trigger.Request(), then=then)
 
     def pause(self, paused: bool, then: Then = bool) -> None:
-        """Stop time, or let it continue."""
         self._ask(PAUSE, SetBool.Request(data=paused), then=then)
 
     def tick(self) -> None:
@@ -117,7 +114,6 @@ class SimulatorClient:
             executor.spin_once(timeout_sec=0.02)
 
     def forget(self) -> None:
-        """Drop all requests."""
         while self._requests:
             self._drop()
 
@@ -166,11 +162,9 @@ class Visitor(SimulatorClient):
         super().__init__(node, simulator, services)
 
     def wait(self) -> None:
-        """Wait for all answers; ClientError where one fails."""
         self.finish(self._executor)
 
     def close(self) -> None:
-        """Leave the ROS graph."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()

@@ -44,7 +44,6 @@ class StreamHealth:
         self._joined = False
 
     def log(self) -> None:
-        """Log what is new."""
         guard, log = self._guard, self._node.get_logger()
         # Both only grow; in the recorder another thread counts them.
         gaps, restarts = guard.gaps, guard.restarts
@@ -65,21 +64,19 @@ class StreamHealth:
     def report(self) -> tuple[str, str, dict[str, object]]:
         """Return level, message and what was lost, for the diagnostics."""
         guard = self._guard
-        level, message = 'ok', 'no impacts yet'
+        level = 'warn'
         publishers = self._node.get_publishers_info_by_topic(
             self._node.resolve_topic_name('impacts'))
         foreign = [each for each in publishers if each.topic_type != STREAM_TYPE]
         if foreign:
-            level, message = 'warn', (f'{foreign[0].node_name} publishes impacts as '
-                                      f'{foreign[0].topic_type}, not {STREAM_TYPE}')
+            message = (f'{foreign[0].node_name} publishes impacts as {foreign[0].topic_type}, '
+                       f'not {STREAM_TYPE}')
         elif len(publishers) > 1:
-            level, message = 'warn', (
-                f'{len(publishers)} publishers on impacts: their streams are mixed')
+            message = f'{len(publishers)} publishers on impacts: their streams are mixed'
         elif self._joined and guard.gaps:
-            level, message = 'warn', (
-                f'{counted(guard.lost, "impact")} lost in {counted(guard.gaps, "gap")}')
-        elif self._joined:
-            message = 'whole'
+            message = f'{counted(guard.lost, "impact")} lost in {counted(guard.gaps, "gap")}'
+        else:
+            level, message = 'ok', 'whole' if self._joined else 'no impacts yet'
         return level, message, {
             'gaps': guard.gaps, 'lost_impacts': guard.lost, 'restarts': guard.restarts,
             **({'last_hole': guard.holes[-1].describe()} if guard.holes else {})}
@@ -100,15 +97,15 @@ class EventInput:
         self._subscription = node.create_subscription(
             PointCloud2, 'impacts', self._receive, STREAM_INPUT)
 
-    def report(self) -> tuple[str, str, dict[str, object]]:
-        """Return level, message and values for the diagnostics; the rate is since the last one."""
+    def report(self, **own: object) -> tuple[str, str, dict[str, object]]:
+        """Return level, message and values for the diagnostics, with the node's own at the end."""
         level, message, losses = self.health.report()
         now, (since, before) = time.monotonic(), self._before
         self._before = now, self._events
         return level, message, {
             'batches': self._batches, 'events': self._events,
             'events_per_second': (self._events - before) / max(now - since, 1e-9),
-            'refused_batches': self._refused, **losses}
+            'refused_batches': self._refused, **losses, **own}
 
     def drain(self) -> None:
         """Take in what has arrived: it was acknowledged, so nobody else keeps it for this node."""

@@ -1,6 +1,7 @@
 """How fast the simulator may publish: by the clock, or by what its readers acknowledge."""
 
 import time
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
@@ -13,30 +14,33 @@ PATIENCE = Duration(nanoseconds=20_000_000)
 
 class AcknowledgedPace:
     """
-    Publish no faster than the slowest matched reliable reader takes the batches.
+    Publish no faster than the slowest matched reliable reader takes the messages.
 
     A reader that keeps everything acknowledges a batch only when it has room for it, so nothing
     is dropped. A reader that has died holds the stream up until DDS gives up on it (20 s).
     """
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, publisher: Publisher, window: int = WINDOW) -> None:
         self.waiting_since: float | None = None
-        self._publisher = publisher
+        self.publisher = publisher
+        self._window = window
         self._open = 0
 
-    def published(self) -> None:
-        """Count a batch."""
+    def publish(self, message: Any) -> None:
+        self.publisher.publish(message)
         self._open += 1
 
     def may_publish(self) -> bool:
-        """Whether there is room for another batch; waits a moment where there is none."""
-        if self._open < WINDOW:
-            return True
-        if self._publisher.wait_for_all_acked(PATIENCE):
-            self._open, self.waiting_since = 0, None
-            return True
-        self.waiting_since = self.waiting_since or time.monotonic()
-        return False
+        """Whether there is room for another message; waits a moment where there is none."""
+        return self._open < self._window or self.is_clear(PATIENCE)
+
+    def is_clear(self, patience: Duration) -> bool:
+        """Whether everything is acknowledged, within some time."""
+        if self._open and not self.publisher.wait_for_all_acked(patience):
+            self.waiting_since = self.waiting_since or time.monotonic()
+            return False
+        self._open, self.waiting_since = 0, None
+        return True
 
 
 class ClockPace:

@@ -1,11 +1,14 @@
-"""The process of a node: its start, its signals, its exit status."""
+"""The process of a node: its start, its signals, its children, its exit status."""
 
 from collections.abc import Callable
+import ctypes
+import functools
 import gc
 import signal
+import subprocess
 import sys
 from types import FrameType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -20,6 +23,9 @@ from .node import ReportingNode
 
 # A signal is seen between two callbacks, or at the latest after this time [s].
 STOP_SEEN_WITHIN = 0.1
+# Found before any fork, after which a thread that is gone may hold the loader's lock.
+_PRCTL = ctypes.CDLL(None).prctl
+_PR_SET_PDEATHSIG = 1
 Made = TypeVar('Made')
 
 
@@ -36,6 +42,14 @@ class Stop:
         self.asked = True
         if not self.spinning:
             raise KeyboardInterrupt
+
+
+def apart(number: int = signal.SIGTERM) -> dict[str, Any]:
+    """Return options of `subprocess` for a silent child that Ctrl-C in the terminal misses."""
+    # If this process is killed, the kernel sends the signal to the child; 0 lets it live on.
+    return {'stdin': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL,
+            'stderr': subprocess.DEVNULL, 'start_new_session': True,
+            'preexec_fn': functools.partial(_PRCTL, _PR_SET_PDEATHSIG, number)}
 
 
 def begin(ros: list[str]) -> None:

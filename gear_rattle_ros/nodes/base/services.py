@@ -7,14 +7,16 @@ from typing import Any, Final
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 
 # Different reasons that are logged for one topic.
 REASONS_MOST: Final = 20
 _TYPES: Final = {int(kind.value) for kind in Parameter.Type}
 
 
-def tolerant(node: Node, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Return a callback that skips what `take` cannot understand, and logs each reason once."""
+def listen(node: Node, kind: type, topic: str, take: Callable[[Any], None],
+           qos: QoSProfile | int) -> None:
+    """Subscribe with a callback; skip what it cannot understand, and log each reason once."""
     logged: set[str] = set()
 
     def guarded(message: Any) -> None:
@@ -25,7 +27,7 @@ def tolerant(node: Node, topic: str, take: Callable[[Any], None]) -> Callable[[A
             if reason not in logged and len(logged) < REASONS_MOST:
                 logged.add(reason)
                 node.get_logger().warning(f'refused a message on {topic}: {reason}')
-    return guarded
+    node.create_subscription(kind, topic, guarded, qos)
 
 
 def harden(node: Node) -> None:

@@ -22,7 +22,7 @@ from ..base.errors import UserError
 from ..base.event_input import arrived, StreamHealth
 from ..base.node import ReportingNode
 from ..base.process import run_node
-from ...bags import BagError, BagWriter, COMPRESSIONS, message_definition, Topic
+from ...bags import BagError, BagWriter, message_definition, Topic
 from ...core.words import counted
 from ...qos import profile, STREAM_INPUT
 
@@ -61,7 +61,6 @@ class _Source:
             raise UserError(f'the definition of {self._type_name} is not found ({error}); '
                             'set AMENT_PREFIX_PATH') from None
         self._last: int | None = None
-        self._topic: Topic | None = None
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
         # With several publishers, or where messages may be dropped, gaps mean nothing.
@@ -70,18 +69,16 @@ class _Source:
         self._is_latched = qos is _LATCHED_INPUT
         self.name = self._subscription.topic_name
 
+    @functools.cached_property
     def topic(self) -> Topic:
         """Describe the topic; its publisher is known once the first message has arrived."""
-        if self._topic is None:
-            publishers = [
-                each for each in self._node.get_publishers_info_by_topic(self.name)
-                if each.topic_type == self._type_name]
-            self._topic = Topic(
-                self.name, self._type_name, self._definition,
-                str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
-                tuple(map(_qos_words, [each.qos_profile for each in publishers]
-                          or [self._subscription.qos_profile])))
-        return self._topic
+        publishers = [each for each in self._node.get_publishers_info_by_topic(self.name)
+                      if each.topic_type == self._type_name]
+        return Topic(
+            self.name, self._type_name, self._definition,
+            str(publishers[-1].topic_type_hash) if publishers else 'INVALID',
+            tuple(_qos_words(each.qos_profile) for each in publishers)
+            or (_qos_words(self._subscription.qos_profile),))
 
     def take(self, most: int, until: int = 2**63 - 1) -> bool:
         """Take messages that have arrived, up to a moment; return whether there may be more."""
@@ -123,7 +120,6 @@ class Recorder(ReportingNode):
         self.get_logger().info(f'recording into {self._directory}')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what has been written, and whether all of it."""
         recording = self._recording
         level, message, losses = self._health.report()
         values = {
@@ -142,7 +138,6 @@ class Recorder(ReportingNode):
         return level, message, values
 
     def close(self) -> None:
-        """Write what has arrived, close the bag and print what it holds."""
         # What has arrived was acknowledged: nobody else keeps it.
         now = time.time_ns()
         while sum(source.take(_MOST, now) for source in self._sources):
@@ -153,10 +148,10 @@ class Recorder(ReportingNode):
         each = f' ({recording.size / recording.impacts:.1f} bytes per impact)' \
             if recording.impacts else ''
         superseded = sum(source.superseded for source in self._sources)
-        odd = ''.join(f', {words}' for words in [*self._lost(), *(words for count, words in (
+        odd = ''.join(f', {words}' for words in self._lost() + [words for count, words in (
             (superseded, f'{superseded} superseded'), (self._garbled, f'{self._garbled} garbled'),
             (recording.unreadable, f'{counted(recording.unreadable, "batch")} unreadable'))
-            if count)])
+            if count])
         print(f'recorded {counted(recording.impacts, "impact")} in '
               f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
               f'({counted(recording.guard.gaps, "gap")}){odd}, '
@@ -167,15 +162,11 @@ class Recorder(ReportingNode):
                 for source in self._sources if source.lost]
 
     def _make_writer(self) -> BagWriter:
-        compression = str(self.values['compression'])
-        if compression not in COMPRESSIONS:
-            raise UserError(f'compression = {compression!r} is not one of '
-                            f'{", ".join(COMPRESSIONS)}')
         name = str(self.values['output']) or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
         try:
-            return BagWriter(
-                Path(name).expanduser(), compression, largest=int(self.values['max_bag_size']),
-                longest=int(self.values['max_bag_duration']) * 1_000_000_000)
+            return BagWriter(Path(name).expanduser(), str(self.values['compression']),
+                             largest=int(self.values['max_bag_size']),
+                             longest=int(self.values['max_bag_duration']) * 1_000_000_000)
         except BagError as error:
             raise UserError(f'output = {error}') from None
 
@@ -191,7 +182,7 @@ class Recorder(ReportingNode):
             return
         received = info['received_timestamp'] or time.time_ns()
         self._recording.put(Received(
-            source.topic(), data, received, info['source_timestamp'] or received,
+            source.topic, data, received, info['source_timestamp'] or received,
             info.get('publication_sequence_number') or 0))
 
     def _watch(self) -> None:
@@ -213,21 +204,15 @@ def _share(package: str) -> str:
 
 def _qos_words(qos: QoSProfile) -> dict[str, object]:
     """Return a quality of service as rosbag2 writes it."""
-    return {
-        'history': qos.history.short_key,
-        'depth': qos.depth,
-        'reliability': qos.reliability.short_key,
-        'durability': qos.durability.short_key,
-        'deadline': _time(qos.deadline),
-        'lifespan': _time(qos.lifespan),
-        'liveliness': qos.liveliness.short_key,
-        'liveliness_lease_duration': _time(qos.liveliness_lease_duration),
-        'avoid_ros_namespace_conventions': bool(qos.avoid_ros_namespace_conventions),
-    }
+    return {name: _word(getattr(qos, name)) for name in (
+        'history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
+        'liveliness_lease_duration', 'avoid_ros_namespace_conventions')}
 
 
-def _time(duration: Duration) -> dict[str, int]:
-    return dict(zip(('sec', 'nsec'), divmod(duration.nanoseconds, 10**9), strict=True))
+def _word(value: Any) -> object:
+    if isinstance(value, Duration):
+        return dict(zip(('sec', 'nsec'), divmod(value.nanoseconds, 10**9), strict=True))
+    return getattr(value, 'short_key', value)
 
 
 main = functools.partial(run_node, 'recorder', Recorder)

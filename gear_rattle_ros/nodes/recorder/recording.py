@@ -37,12 +37,7 @@ class Received:
 
 
 class Recording:
-    """
-    Writes a bag in a thread of its own.
-
-    The records of the stream show whether impacts are missing; on the other topics the node
-    watches the publishers' counts.
-    """
+    """Writes a bag in a thread of its own; the records of the stream show what is missing."""
 
     def __init__(self, writer: BagWriter, impacts: str) -> None:
         self.impacts = self.messages = self.unreadable = 0
@@ -55,7 +50,8 @@ class Recording:
         self._writer = writer
         self._channels: dict[str, int] = {}
         self._waiting: deque[Received] = deque()
-        self._bytes = 0
+        # Bytes that wait for the thread.
+        self.backlog = 0
         self._oldest: int | None = None
         self._is_closing = False
         self._changed = threading.Condition()
@@ -72,11 +68,6 @@ class Recording:
         return self._writer.size
 
     @property
-    def backlog(self) -> int:
-        """Bytes that wait for the thread."""
-        return self._bytes
-
-    @property
     def age(self) -> float:
         """Age of the oldest message that is not on the disk [s]."""
         oldest = self._oldest
@@ -85,18 +76,17 @@ class Recording:
     def put(self, received: Received) -> None:
         """Hand a message over; wait while there is no room."""
         with self._changed:
-            while self._bytes > _ROOM and not self.failure:
+            while self.backlog > _ROOM and not self.failure:
                 self._changed.wait()
             if self.failure:
                 return
             if self._oldest is None:
                 self._oldest = received.log_time
             self._waiting.append(received)
-            self._bytes += len(received.data)
+            self.backlog += len(received.data)
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Write everything that was handed over, and close the bag."""
         with self._changed:
             self._is_closing = True
             self._changed.notify_all()
@@ -149,7 +139,7 @@ class Recording:
             if not self._waiting:
                 return None
             received = self._waiting.popleft()
-            self._bytes -= len(received.data)
+            self.backlog -= len(received.data)
             self._changed.notify_all()
         return received
 
@@ -158,7 +148,7 @@ class Recording:
         with self._changed:
             self.failure = reason
             self._waiting.clear()
-            self._bytes = 0
+            self.backlog = 0
             self._changed.notify_all()
 
     def _write(self, received: Received) -> None:

@@ -10,11 +10,12 @@ from typing import Any, Final
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
-from .playing import Output, Playing, Span, WINDOW
+from .playing import Playing, Span, WINDOW
 from ..base.arguments import overrides, split_arguments
 from ..base.dds_room import make_room
 from ..base.errors import UserError
 from ..base.node import ReportingNode
+from ..base.pacing import AcknowledgedPace
 from ..base.process import run_node
 from ...bags import Bag, BagError, Topic
 from ...core.words import counted
@@ -52,7 +53,6 @@ class Replay(ReportingNode):
         self.every(0.05, self._watch)
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return how far the bag has been played."""
         playing = self._playing
         position, duration = self._times()
         return 'error' if playing.failure else 'ok', playing.failure or playing.state, {
@@ -60,7 +60,6 @@ class Replay(ReportingNode):
             'rounds': playing.rounds, 'bag': str(self._bag.path)}
 
     def close(self) -> None:
-        """Stop, and print what was published."""
         playing = self._playing
         playing.close()
         if playing.failure:
@@ -104,7 +103,7 @@ class Replay(ReportingNode):
                             f'it has the topics {", ".join(sorted(known))}')
         return names
 
-    def _make_output(self, topic: Topic) -> Output:
+    def _make_output(self, topic: Topic) -> AcknowledgedPace:
         qos = _offered(topic.offered_qos)
         try:
             package, _, name = topic.type_name.split('/')
@@ -112,7 +111,7 @@ class Replay(ReportingNode):
         except (AttributeError, ImportError, ValueError):
             raise UserError(f'{topic.name} has the type {topic.type_name}, which is not '
                             'installed here; leave it out by topics') from None
-        return Output(self.create_publisher(kind, topic.name, qos), qos.depth)
+        return AcknowledgedPace(self.create_publisher(kind, topic.name, qos), qos.depth)
 
     def _watch(self) -> None:
         self.is_finished = self._playing.is_over

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping
 import dataclasses
+import functools
 import threading
 import time
 from typing import Final
 
 from rclpy.duration import Duration
-from rclpy.publisher import Publisher
 
-from ..base.pacing import PATIENCE
+from ..base.pacing import AcknowledgedPace, PATIENCE
 from ...bags import Bag
 
 # Messages a publisher keeps and sends before all must be acknowledged. Fast DDS asks for
@@ -25,22 +25,6 @@ _CLOCK_STEP: Final = 0.01
 _AT_ONCE: Final = Duration(nanoseconds=0)
 
 
-@dataclasses.dataclass
-class Output:
-    """A publisher, and how many messages it may send before all of them are acknowledged."""
-
-    publisher: Publisher
-    window: int
-    waiting: int = 0
-
-    def send(self, data: bytes) -> None:
-        """Publish a serialized message."""
-        if self.waiting and self.publisher.wait_for_all_acked(_AT_ONCE):
-            self.waiting = 0
-        self.publisher.publish(data)
-        self.waiting += 1
-
-
 @dataclasses.dataclass(frozen=True)
 class Span:
     """What to play, in log time [ns], and how: speed 0 is as fast as the readers keep up."""
@@ -54,7 +38,7 @@ class Span:
 class Playing:
     """Plays a bag in a thread of its own; `failure` is one line for the user."""
 
-    def __init__(self, bag: Bag, outputs: Mapping[str, Output], span: Span, readers: int,
+    def __init__(self, bag: Bag, outputs: Mapping[str, AcknowledgedPace], span: Span, readers: int,
                  tick: Callable[[int], None] | None) -> None:
         self.messages = self.rounds = 0
         self.position = span.start
@@ -122,10 +106,10 @@ class Playing:
                 return
             self.position = message.log_time
             output = self._outputs[message.topic]
-            output.send(message.data)
+            output.is_clear(_AT_ONCE)
+            output.publish(message.data)
             self.messages += 1
-            if output.waiting >= output.window:
-                self._await_acknowledgement(output)
+            self._await(output.may_publish)
 
     def _sleep(self, begin: float, log_time: int) -> None:
         """Wait until a message is due, while the clock runs."""
@@ -148,10 +132,9 @@ class Playing:
 
     def _await_acknowledgements(self) -> None:
         for output in self._outputs.values():
-            self._await_acknowledgement(output)
+            self._await(functools.partial(output.is_clear, PATIENCE))
 
-    def _await_acknowledgement(self, output: Output) -> None:
-        while not self._stop.is_set() and not output.publisher.wait_for_all_acked(PATIENCE):
+    def _await(self, is_ready: Callable[[], bool]) -> None:
+        while not self._stop.is_set() and not is_ready():
             self.state = 'waiting for readers'
-        output.waiting = 0
         self.state = 'playing'

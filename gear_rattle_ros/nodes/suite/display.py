@@ -30,7 +30,6 @@ class Status:
     bag_bytes: int = 0
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return names and values as they are shown."""
         def exponent(name: str, error: str = '') -> str:
             value, uncertainty = (self.exponents.get(key, math.nan) for key in (name, error))
             text = '-' if math.isnan(value) else f'{value:+.6f}'
@@ -68,12 +67,11 @@ class Status:
 
 
 def render(status: Status) -> Panel:
-    """Return the live table."""
     table = Table(box=box.SIMPLE, show_header=False, padding=(0, 1))
     table.add_column(style='cyan', no_wrap=True)
     table.add_column()
     for name, value in status.rows():
-        style = ('' if name != 'gaps' else 'green' if value == 'none' else 'red')
+        style = '' if name != 'gaps' else 'green' if value == 'none' else 'red'
         table.add_row(name, Text(value, style=style))
     hint = Text('Ctrl-C ends the run and keeps everything', style='dim')
     return Panel(Group(table, hint), title=f'gear rattling: {status.phase}', width=78)

@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Sequence
 import contextlib
-import datetime
 import math
 import os
 from pathlib import Path
@@ -26,8 +25,8 @@ from .processes import Processes
 from ..base.arguments import overrides
 from ..base.client import PUT, RESET, SimulatorClient
 from ..base.errors import UserError
-from ..base.process import exit_status, Stop
-from ..base.services import tolerant
+from ..base.process import apart, exit_status, Stop
+from ..base.services import listen
 from ...parameters import SIMULATOR
 from ...qos import LATCHED, STREAM
 from ...scenes import find_scene, load_scenes, NAMES, Performance, START, Step
@@ -56,14 +55,11 @@ class Monitor(Node):
         super().__init__('suite', start_parameter_services=False)
         self.status = status
         self._seen = (time.monotonic(), 0)
-        for kind, name, take, qos in (
-            (JointState, 'lyapunov', self._take_exponents, STREAM),
-            (DiagnosticArray, 'transient', self._take_transient, LATCHED),
-            (DiagnosticArray, '/diagnostics', self._take_diagnostics, 10),
-            (ParameterEvent, '/parameter_events', self._take_parameters,
-             qos_profile_parameter_events),
-        ):
-            self.create_subscription(kind, name, tolerant(self, name, take), qos)
+        listen(self, JointState, 'lyapunov', self._take_exponents, STREAM)
+        listen(self, DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        listen(self, DiagnosticArray, '/diagnostics', self._take_diagnostics, 10)
+        listen(self, ParameterEvent, '/parameter_events', self._take_parameters,
+               qos_profile_parameter_events)
         self.simulator = SimulatorClient(self, 'simulator', (PUT, RESET))
 
     def _take_exponents(self, message: JointState) -> None:
@@ -127,12 +123,11 @@ class Suite:
         return 0
 
     def _print_result(self) -> None:
-        """Print what was recorded, and the commands that open everything."""
         print(self._processes.last_words('recorder').split(']: ')[-1])
+        rerun = _command('rerun')
         for what, command, name in (
-                ('bag', _command('rerun'), 'bag/bag_0.mcap'),
-                ('replay', _command('replay'), 'bag'), ('viewer', _command('rerun'), 'run.rrd'),
-                ('summary', 'xdg-open', 'summary.png')):
+                ('bag', rerun, 'bag/bag_0.mcap'), ('replay', _command('replay'), 'bag'),
+                ('viewer', rerun, 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
             if (self._folder / name).exists():
                 print(f'{what:8} {command} {_quoted(self._folder / name)}')
 
@@ -150,7 +145,7 @@ class Suite:
         self._summary = subprocess.Popen(
             [sys.executable, '-c', SUMMARISE, str(self._folder / 'bag'), '--output',
              str(self._folder / 'summary.png')],
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
+            **apart(0) | {'stdin': subprocess.PIPE, 'stderr': None})
 
     def _end_nodes(self) -> None:
         self._processes.stop(['simulator'], within=1.0)
@@ -168,9 +163,9 @@ class Suite:
 
     def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
-        console = Console(stderr=False)
-        live = Live(render(status), console=console, auto_refresh=False, transient=False) \
-            if console.is_terminal else None
+        console = Console()
+        live = Live(
+            render(status), console=console, auto_refresh=False) if console.is_terminal else None
         with live or contextlib.nullcontext():
             began = time.monotonic()
             first = shown = 0.0
@@ -245,8 +240,7 @@ def _quoted(path: Path) -> str:
 
 
 def _make_folder(output: str | None) -> Path:
-    now = datetime.datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
-    folder = Path(output) if output else Path('runs') / now
+    folder = Path(output or time.strftime('runs/%Y-%m-%d_%H-%M-%S'))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
@@ -306,7 +300,6 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the suite and return its exit status."""
     words = sys.argv[1:] if arguments is None else arguments
     cut = words.index('--ros-args') if '--ros-args' in words else len(words)
     options = _parse(words[:cut])

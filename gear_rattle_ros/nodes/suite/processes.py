@@ -1,6 +1,5 @@
 """Child processes of the suite: the nodes, each with a log file, none left behind."""
 
-import ctypes
 import os
 from pathlib import Path
 import signal
@@ -9,16 +8,11 @@ import sys
 import time
 
 from ..base.errors import UserError
+from ..base.process import apart
 
-PR_SET_PDEATHSIG = 1
 # A node that has not ended is interrupted again after this time; interval of looking [s].
 AGAIN = 2.0
 POLL = 0.01
-
-
-def _die_with_parent() -> None:
-    """Ask the kernel for a SIGTERM should the suite itself be killed."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 class Processes:
@@ -29,20 +23,13 @@ class Processes:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, name: str, arguments: list[str]) -> None:
-        """Start a node; a session of its own keeps the terminal's Ctrl-C from it."""
         with open(self.log(name), 'wb') as log:
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, 'PYTHONUNBUFFERED': '1'},
-                start_new_session=True,
-                preexec_fn=_die_with_parent,
-            )
+                env=os.environ | {'PYTHONUNBUFFERED': '1'},
+                **apart() | {'stdout': log, 'stderr': subprocess.STDOUT})
 
     def log(self, name: str) -> Path:
-        """Return the path of a node's log file."""
         return self._logs / f'{name}.log'
 
     def check(self) -> None:
@@ -53,7 +40,6 @@ class Processes:
                                 f'{self.last_words(name)}')
 
     def last_words(self, name: str) -> str:
-        """Return the last line that a node has written."""
         lines = self.log(name).read_text(errors='replace').split('\n')
         return next((line for line in reversed(lines) if line.strip()), '')
 

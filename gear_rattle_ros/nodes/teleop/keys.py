@@ -1,6 +1,7 @@
 """Keys of the keyboard control: from bytes of a terminal to names, and a line being typed."""
 
 from collections.abc import Iterator
+import re
 
 # Bytes that terminals send for arrows, plain and with shift: xterm, its application mode, rxvt.
 _ARROWS = {b'A': 'up', b'B': 'down', b'C': 'right', b'D': 'left'}
@@ -11,6 +12,8 @@ _SEQUENCES = {
     **{b'\x1b[' + letter.lower(): f'shift-{name}' for letter, name in _ARROWS.items()},
     b'\r': 'enter', b'\n': 'enter', b'\x7f': 'backspace', b'\x08': 'backspace', b' ': 'space',
 }
+# One key: a byte, or a whole sequence; nothing matches one that has only begun.
+_KEY = re.compile(rb'[^\x1b]|\x1bO.|\x1b\[[^@-~]*[@-~]|\x1b(?=[^O\[])', re.DOTALL)
 
 
 class Keys:
@@ -24,11 +27,11 @@ class Keys:
         data = self._held + data
         self._held = b''
         while data:
-            length = _length(data)
-            if length == 0:
+            found = _KEY.match(data)
+            if found is None:
                 self._held = data
                 return
-            word, data = data[:length], data[length:]
+            word, data = found[0], data[found.end():]
             if word in _SEQUENCES:
                 yield _SEQUENCES[word]
             elif len(word) == 1 and 0x21 <= word[0] <= 0x7e:
@@ -42,24 +45,7 @@ class Keys:
 
     @property
     def is_open(self) -> bool:
-        """Whether a sequence has begun."""
         return bool(self._held)
-
-
-def _length(data: bytes) -> int:
-    """Return the number of bytes of the first key; 0 where more have to come."""
-    if data[:1] != b'\x1b':
-        return 1
-    if len(data) == 1:
-        return 0
-    if data[1:2] == b'O':
-        return 3 if len(data) > 2 else 0
-    if data[1:2] != b'[':
-        return 1
-    for place, byte in enumerate(data[2:], 2):
-        if 0x40 <= byte <= 0x7e:
-            return place + 1
-    return 0
 
 
 class Entry:
@@ -71,10 +57,8 @@ class Entry:
 
     def take(self, key: str) -> str | None:
         """Take a key; return the text at Enter, '' at Escape, None while it is open."""
-        if key == 'enter':
-            return self.text.strip()
-        if key == 'escape':
-            return ''
+        if key in ('enter', 'escape'):
+            return self.text.strip() if key == 'enter' else ''
         if key == 'backspace':
             self.text = self.text[:-1]
         elif key == 'space':

@@ -49,7 +49,6 @@ class Teleop(BaseNode):
         self._aim: float | None = None
 
     def help_text(self) -> str:
-        """Return what each key does."""
         scenes = '\n'.join(
             f'  {number}        scene {scene.name}: {scene.title}'
             for number, scene in enumerate(self._scenes, 1))
@@ -66,7 +65,6 @@ class Teleop(BaseNode):
             '  q        quit; the simulator keeps running')
 
     def line(self) -> str:
-        """Return the present state."""
         if self._entry is not None:
             return f'{self._entry.question}{self._entry.text}_'
         values = self._values
@@ -193,7 +191,6 @@ class Teleop(BaseNode):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the keyboard control and return its exit status."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         print('teleop: stdin and stdout are not a terminal; start it in one, not in a pipe or a '
               'launch file', file=sys.stderr)

@@ -16,8 +16,7 @@ class Terminal:
     """
     Context in which stdin delivers keys without Enter and without echo.
 
-    Ctrl-Z stops the program with the terminal as it was, and `fg` continues it. The caller
-    handles SIGINT and SIGTERM; leaving the context restores everything.
+    The caller handles SIGINT and SIGTERM; Ctrl-Z stops the program with the terminal as it was.
     """
 
     def __init__(self) -> None:
@@ -28,16 +27,13 @@ class Terminal:
         self._line = False
 
     def __enter__(self) -> 'Terminal':
-        """Set the terminal."""
-        for number, handler in (
-                (signal.SIGTSTP, self._suspend), (signal.SIGCONT, self._continue)):
+        for number, handler in ((signal.SIGTSTP, self._suspend), (signal.SIGCONT, self._continue)):
             self._handlers[number] = signal.signal(number, handler)
         self._set()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        """Leave the terminal as it was."""
         # If it is continued from here on, it must not set the terminal again.
         signal.signal(signal.SIGCONT, self._handlers[signal.SIGCONT])
         self._restore()
@@ -61,7 +57,6 @@ class Terminal:
         self._line = True
 
     def write_lines(self, text: str) -> None:
-        """Write lines that stay."""
         self._write('\r\x1b[K' + text + '\n')
         self._line = False
 

@@ -1,7 +1,7 @@
 """Frames, ticks and colours of the viewer's pictures, and the blueprint that arranges them."""
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -24,37 +24,24 @@ GROUND: Final = (18, 20, 26)
 FRAME: Final = 0x8A8F98FF
 FAINT: Final = 0x4A4F58FF
 LABEL: Final = 0xE4E7ECFF
-BRIGHT: Final = 0xFFFFFFFF
 # Basins are faint so that impacts stand out.
 BASIN_OPACITY: Final = 0.35
 # Plasma without its darkest part, evenly spaced.
-_PLASMA: Final = np.array([
+PLASMA: Final = np.array([
     (0x74, 0x3A, 0xC0), (0x96, 0x38, 0xB8), (0xB8, 0x3C, 0x98), (0xD8, 0x57, 0x6B),
     (0xED, 0x79, 0x53), (0xFA, 0x9E, 0x3B), (0xFD, 0xC9, 0x26), (0xF0, 0xF9, 0x21)], float)
+# Seen over any basin.
+GREYS: Final = np.array([(0x50, 0x50, 0x50), (0xFF, 0xFF, 0xFF)], float)
 
 Logged = tuple[str, rr.AsComponents]
 
 
-def colours_of(values: FloatArray) -> npt.NDArray[np.uint32]:
+def colours_of(values: FloatArray, scale: FloatArray = PLASMA) -> npt.NDArray[np.uint32]:
     """Return RGBA colours of values from 0 (dark) to 1 (bright); others are clipped."""
-    place = np.linspace(0.0, 1.0, len(_PLASMA))
+    place = np.linspace(0.0, 1.0, len(scale))
     red, green, blue = (
-        np.interp(values, place, channel).astype(np.uint32) for channel in _PLASMA.T)
+        np.interp(values, place, channel).astype(np.uint32) for channel in scale.T)
     return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
-
-
-def greys_of(values: FloatArray) -> npt.NDArray[np.uint32]:
-    """Return RGBA colours of values from 0 (dark grey) to 1 (white), seen over any basin."""
-    level = (0x50 + (0xFF - 0x50) * np.clip(values, 0.0, 1.0)).astype(np.uint32)
-    return np.asarray(level << 24 | level << 16 | level << 8 | 0xFF, np.uint32)
-
-
-def velocity_ticks(limit: float) -> tuple[list[str], list[tuple[float, float]]]:
-    """Return labels at the left of the section, and their positions."""
-    shares = (1.0, 0.5, 0.0, -0.5, -1.0)
-    # A label stands below its point.
-    return ([f'{share * limit:g}'.replace('-', '−') for share in shares],
-            [(-0.4, -share * HALF_HEIGHT - 0.18) for share in shares])
 
 
 def section_axes() -> list[Logged]:
@@ -65,21 +52,16 @@ def section_axes() -> list[Logged]:
     inner += [[(0, y), (TWO_PI, y)] for y in (-HALF_HEIGHT / 2, 0.0, HALF_HEIGHT / 2)]
     ticks = [(k * math.pi / 2, high + 0.08) for k in range(5)]
     return [
-        ('section/frame', rr.LineStrips2D(
-            frame, radii=rr.Radius.ui_points(0.8), colors=FRAME, draw_order=1.0)),
-        ('section/grid', rr.LineStrips2D(
-            inner, radii=rr.Radius.ui_points(0.4), colors=FAINT, draw_order=0.0)),
-        ('section/phase', rr.Points2D(
-            ticks, labels=['0', 'π/2', 'π', '3π/2', '2π'], show_labels=True, radii=0.0,
-            colors=LABEL)),
+        ('section/frame', _lines(frame, 0.8, FRAME, 1.0)),
+        ('section/grid', _lines(inner, 0.4, FAINT, 0.0)),
+        ('section/phase', _labels(ticks, ['0', 'π/2', 'π', '3π/2', '2π'])),
         ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=LABEL, show_labels=True)),
         ('section/plane/attractors', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(3.5), draw_order=20.0)),
         ('section/plane/impacts', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(1.3), draw_order=30.0)),
         ('section/plane/newest', rr.Points2D.from_fields(
-            radii=rr.Radius.ui_points(2.2), colors=BRIGHT, draw_order=40.0)),
-    ]
+            radii=rr.Radius.ui_points(2.2), colors=0xFFFFFFFF, draw_order=40.0))]
 
 
 def flight_axes() -> list[Logged]:
@@ -92,47 +74,46 @@ def flight_axes() -> list[Logged]:
     return [
         # Displacement points up, y down.
         ('flight/plane', rr.Transform3D(scale=[PERIOD_WIDTH, -1.0, 1.0])),
-        ('flight/plane/walls', rr.LineStrips2D(
-            walls, radii=rr.Radius.ui_points(1.2), colors=rgba(AMBER), draw_order=1.0)),
-        ('flight/plane/periods', rr.LineStrips2D(
-            lines, radii=rr.Radius.ui_points(0.4), colors=FAINT, draw_order=0.0)),
+        ('flight/plane/walls', _lines(walls, 1.2, rgba(AMBER), 1.0)),
+        ('flight/plane/periods', _lines(lines, 0.4, FAINT, 0.0)),
         ('flight/plane/motion', rr.LineStrips2D.from_fields(
             radii=rr.Radius.ui_points(1.0), colors=rgba(SKY), draw_order=30.0)),
-        ('flight/tau', rr.Points2D(
-            ticks, labels=[f'{x}'.replace('-', '−') for x in range(first, last + 1)],
-            show_labels=True, radii=0.0, colors=LABEL)),
-        ('flight/walls', rr.Points2D(
-            [(edge, -0.1), (edge, 0.75)], labels=['s = 0', 's = −1'],
-            show_labels=True, radii=0.0, colors=LABEL)),
-    ]
+        ('flight/tau', _labels(
+            ticks, [f'{x}'.replace('-', '−') for x in range(first, last + 1)])),
+        ('flight/walls', _labels([(edge, -0.1), (edge, 0.75)], ['s = 0', 's = −1']))]
+
+
+def _lines(strips: Any, width: float, colour: int, order: float) -> rr.LineStrips2D:
+    return rr.LineStrips2D(
+        strips, radii=rr.Radius.ui_points(width), colors=colour, draw_order=order)
+
+
+def _labels(places: list[tuple[float, float]], labels: list[str]) -> rr.Points2D:
+    return rr.Points2D(places, labels=labels, show_labels=True, radii=0.0, colors=LABEL)
 
 
 def blueprint(colour: str) -> rrb.Blueprint:
-    """Return the arrangement of the views."""
     meaning = 'newest brightest' if colour == 'age' else 'coloured by alpha, 0.4 to 1.8'
     back, cursor = VELOCITY_WINDOW, rrb.TimeRangeBoundary.cursor_relative
+    dark: dict[str, Any] = {'background': rrb.Background(color=GROUND)}
+    bare: dict[str, Any] = {'plot_legend': rrb.PlotLegend(visible=False)}
     section = rrb.Spatial2DView(
         origin='/section', name=f'Section: velocity over drive phase, {meaning}',
-        background=rrb.Background(color=GROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=[-0.8, 6.6], y_range=[-2.35, 2.65]))
+        visual_bounds=rrb.VisualBounds2D(x_range=[-0.8, 6.6], y_range=[-2.35, 2.65]), **dark)
     flight = rrb.Spatial2DView(
         origin='/flight', name='s over the last drive periods (0 = present one)',
-        background=rrb.Background(color=GROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=[-6.0, 1.45], y_range=[-0.12, 1.36]))
+        visual_bounds=rrb.VisualBounds2D(x_range=[-6.0, 1.45], y_range=[-0.12, 1.36]), **dark)
     velocity = rrb.TimeSeriesView(
-        origin='/velocity', name='Velocity before the impact', plot_legend=rrb.PlotLegend(
-            visible=False),
-        time_ranges=[
+        origin='/velocity', name='Velocity before the impact', **bare, time_ranges=[
             rrb.VisibleTimeRange('impact', start=cursor(seq=-back), end=cursor(seq=0)),
             rrb.VisibleTimeRange(
                 'drive_time', start=cursor(seconds=-back), end=cursor(seconds=0.0))])
     whole = rrb.TimeAxis(view_range=rr.TimeRange(
         start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
     exponents = rrb.TimeSeriesView(
-        origin='/exponents', axis_x=whole, plot_legend=rrb.PlotLegend(visible=False),
+        origin='/exponents', axis_x=whole, **bare,
         name='Exponents: λ1 ± error blue, finite-time green, λ2 purple, sum orange, exact grey')
-    alpha = rrb.TimeSeriesView(
-        origin='/alpha', axis_x=whole, name='Alpha', plot_legend=rrb.PlotLegend(visible=False))
+    alpha = rrb.TimeSeriesView(origin='/alpha', axis_x=whole, name='Alpha', **bare)
     state = rrb.TextDocumentView(origin='/state', name='State')
     log = rrb.TextLogView(origin='/log', name='Changes', columns=rrb.TextLogColumns(
         timeline_columns=['impact'], text_log_columns=['body']))
@@ -143,8 +124,5 @@ def blueprint(colour: str) -> rrb.Blueprint:
             rrb.Vertical(flight, velocity, exponents, alpha, row_shares=[1.25, 1.1, 1.5, 0.7]),
             column_shares=[1, 1.15]),
         rrb.TimePanel(state='collapsed', timeline='impact', play_state='following'),
-        rrb.BlueprintPanel(state='hidden'),
-        rrb.SelectionPanel(state='hidden'),
-        auto_views=False,
-        auto_layout=False,
-    )
+        rrb.BlueprintPanel(state='hidden'), rrb.SelectionPanel(state='hidden'),
+        auto_views=False, auto_layout=False)

@@ -12,8 +12,6 @@ import PIL.Image
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
 PARTS: Final = {'basin': Image, 'attractors': PointCloud2, 'basin_state': DiagnosticArray}
-# A quick compression: few colours make it small anyway.
-LEVEL: Final = 2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,11 +51,12 @@ class BasinInput:
         low, high = float(values['velocity_low']), float(values['velocity_high'])
         if image.encoding != 'rgb8' or not -math.inf < low < high < math.inf:
             raise ValueError(f'{image.encoding} image of velocities from {low!r} to {high!r}')
-        pixels = np.frombuffer(bytes(image.data), np.uint8)
-        return BasinPicture(
-            png_of(pixels.reshape(image.height, image.width, 3)), image.width, image.height,
-            low, high, points, colours,
-            tuple(status.message for status in state.status))
+        pixels = np.frombuffer(bytes(image.data), np.uint8).reshape(image.height, image.width, 3)
+        png = io.BytesIO()
+        # A quick compression: few colours make it small anyway.
+        PIL.Image.fromarray(pixels).save(png, 'PNG', compress_level=2)
+        return BasinPicture(png.getvalue(), image.width, image.height, low, high, points, colours,
+                            tuple(status.message for status in state.status))
 
 
 def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
@@ -72,10 +71,3 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
         'offsets': [offsets[name] for name in names], 'itemsize': cloud.point_step}))
     return (np.stack([records['x'], records['y']], axis=1),
             np.asarray(records['rgb'] << np.uint32(8) | np.uint32(0xFF)))
-
-
-def png_of(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """Return pixels of shape (height, width, 3) as a PNG file."""
-    file = io.BytesIO()
-    PIL.Image.fromarray(pixels).save(file, 'PNG', compress_level=LEVEL)
-    return file.getvalue()

@@ -1,6 +1,6 @@
 """Draws the stream, the exponents and the transient with rerun: file, window or web page."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import functools
 import math
 import time
@@ -8,7 +8,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 from .basin import BasinInput, BasinPicture, PARTS
@@ -16,18 +15,16 @@ from .recent import Recent
 from .scene import DRAWN_MOST, INTERVAL, Scene
 from .sinks import add_index, chosen_mode, file_recording, Window
 from ..base.dds_room import bound_backlog
-from ..base.errors import UserError
 from ..base.event_input import EventInput
 from ..base.node import ReportingNode
 from ..base.process import run_node
-from ..base.services import tolerant
+from ..base.services import listen
 from ...core.model import EVENT, EventArray
 from ...core.stream.reconstruction import rebuild
 from ...core.stream.report_values import infinite_in_words
 from ...core.words import counted
 from ...qos import LATCHED, STREAM
 
-COLOURS = ('age', 'alpha')
 # The values an estimate of the exponents must have to be shown.
 SHOWN = ('lambda_1', 'lambda_1_error', 'lambda_2', 'lambda_2_error', 'sum', 'exact_sum', 'impacts',
          'index')
@@ -39,8 +36,6 @@ class Viewer(ReportingNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('viewer', bound_backlog, **options)
         colour, save = str(self.values['colour']), str(self.values['save'])
-        if colour not in COLOURS:
-            raise UserError(f'colour = {colour!r} is not one of {", ".join(COLOURS)}')
         mode = chosen_mode(str(self.values['mode']), save)
         # Compile the kernels before the first batch.
         rebuild(np.zeros(2, EVENT), 0.1)
@@ -63,30 +58,22 @@ class Viewer(ReportingNode):
         self._basin: BasinPicture | None = None
         self._waiting_since, self._lag = math.inf, 0.0
         self._input = EventInput(self, self._recent.guard, self._take, 'the axes continue')
-        topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (
-            (JointState, 'lyapunov', self._take_estimate, STREAM),
-            (DiagnosticArray, 'transient', self._take_transient, LATCHED),
-            *((kind, name, functools.partial(self._take_basin, name), LATCHED)
-              for name, kind in PARTS.items()))
-        for kind, name, take, qos in topics:
-            self.create_subscription(kind, name, tolerant(self, name, take), qos)
+        listen(self, JointState, 'lyapunov', self._take_estimate, STREAM)
+        listen(self, DiagnosticArray, 'transient', self._take_transient, LATCHED)
+        for name, kind in PARTS.items():
+            listen(self, kind, name, functools.partial(self._take_basin, name), LATCHED)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
-        """Return what was drawn, what was left out, and the lag of the drawing."""
-        level, message, values = self._input.report()
-        if self._lost:
-            level, message = 'warn', self._lost
         drawn = max((scene.drawn for scene in self._scenes), default=0)
         lag, self._lag = self._lag, 0.0
-        return level, message, {
-            **values, 'rows_logged': sum(scene.rows for scene in self._scenes),
-            'impacts_drawn': drawn, 'impacts_thinned_out': self._recent.impacts - drawn,
-            'largest_lag_seconds': lag}
+        level, message, values = self._input.report(
+            rows_logged=sum(scene.rows for scene in self._scenes), impacts_drawn=drawn,
+            impacts_thinned_out=self._recent.impacts - drawn, largest_lag_seconds=lag)
+        return ('warn', self._lost, values) if self._lost else (level, message, values)
 
     def close(self) -> None:
-        """Draw what is left and write everything out."""
         for scene in list(self._scenes):
             self._draw_scene(scene, self._document(), time.monotonic())
         is_whole = self._file in self._scenes

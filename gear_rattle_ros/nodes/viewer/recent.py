@@ -9,14 +9,8 @@ from ...core.stream.guard import Piece, StreamGuard
 
 # An event, its place on both axes, and how many events were seen up to it.
 ROW = np.dtype([
-    ('seen', np.int64),
-    ('impact', np.int64),
-    ('drive_time', np.float64),
-    ('kind', np.uint32),
-    ('phase', np.float64),
-    ('velocity', np.float64),
-    ('alpha', np.float64),
-])
+    ('seen', np.int64), ('impact', np.int64), ('drive_time', float), ('kind', np.uint32),
+    ('phase', float), ('velocity', float), ('alpha', float)])
 RowArray = npt.NDArray[np.void]
 
 
@@ -66,14 +60,12 @@ class Recent:
     def _take_piece(self, piece: Piece) -> None:
         events = piece.events
         self.now = advanced(self.now, piece)
-        self.seen += len(events)
-        impacts = impact_count(events)
-        self.impacts += impacts
-        if impacts < len(events):
-            places = np.flatnonzero(events['kind'] >= EventKind.RETUNE)[-self._most:]
-            seen = self.seen - len(events) + 1 + places
-            rows = rows_of(events[places], self.now, seen)
+        places = np.flatnonzero(events['kind'] >= EventKind.RETUNE)[-self._most:]
+        if len(places):
+            rows = rows_of(events[places], self.now, self.seen + 1 + places)
             self._changes = np.concatenate([self._changes, rows])[-self._most:]
+        self.seen += len(events)
+        self.impacts += impact_count(events)
         tail = events[-self._most:].copy()
         self._parts.append((tail, self.now, self.seen, piece.follows))
         self._waiting += len(tail)

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping, Sequence
 import math
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -34,39 +34,30 @@ FULL_DETAIL: Final = 120.0
 # The running exponent means nothing before this number of impacts.
 IMPACTS_LEAST: Final = 30
 FLIGHT_STEP: Final = axes.TWO_PI / 48.0
-# Order of the values in a row of exponents.
+# The values in a row of exponents, and how they are drawn: label, name, colour, width. The sum is
+# wider than the exact one, which lies on top of it.
 EXPONENTS: Final = (
-    ('λ1', 'lambda_1'),
-    ('λ1 + error', ''),
-    ('λ1 − error', ''),
-    ('λ1 finite-time', 'lambda_1_finite'),
-    ('λ2', 'lambda_2'),
-    ('λ1 + λ2', 'sum'),
-    ('exact sum', 'exact_sum'),
-    ('zero', ''),
-)
-EXPONENT_COLOURS: Final = [
-    rgba(BLUE), rgba(BLUE, 0x80), rgba(BLUE, 0x80), rgba(GREEN, 0xB0), rgba(PURPLE), rgba(ORANGE),
-    0x808080FF, 0x808080C0,
-]
-# The sum is wider than the exact one, which lies on top of it.
-EXPONENT_WIDTHS: Final = [2.5, 1.0, 1.0, 1.0, 1.5, 4.0, 1.0, 1.0]
+    ('λ1', 'lambda_1', rgba(BLUE), 2.5), ('λ1 + error', '', rgba(BLUE, 0x80), 1.0),
+    ('λ1 − error', '', rgba(BLUE, 0x80), 1.0),
+    ('λ1 finite-time', 'lambda_1_finite', rgba(GREEN, 0xB0), 1.0),
+    ('λ2', 'lambda_2', rgba(PURPLE), 1.5), ('λ1 + λ2', 'sum', rgba(ORANGE), 4.0),
+    ('exact sum', 'exact_sum', 0x808080FF, 1.0), ('zero', '', 0x808080C0, 1.0))
+
+Columns: TypeAlias = Sequence[rr.ComponentColumn] | rr.ComponentColumnList
 
 
 class Scene:
     """One recording: a file, whose detail falls off with its age, or a live window."""
 
     def __init__(self, recording: rr.RecordingStream, colour: str, thins: bool) -> None:
-        self.rows = 0
-        self.drawn = 0
+        self.rows = self.drawn = 0
         self._recording = recording
         self._by_alpha = colour == 'alpha'
         self._thins = thins
         self._begun: float | None = None
         self._next = -math.inf
         self._seen = 0
-        self._ring = np.empty(0, ROW)
-        self._old = np.empty(0, ROW)
+        self._ring = self._old = np.empty(0, ROW)
         # Limit of the velocities in the section, and the limit that the impacts need.
         self._limit = self._needed = 0.0
         self._basin: BasinPicture | None = None
@@ -77,15 +68,13 @@ class Scene:
             recording.log(path, archetype, static=True)
         recording.log('velocity', rr.SeriesPoints(
             colors=rgba(BLUE), names='velocity', markers='circle', marker_sizes=1.6), static=True)
+        labels, _, colours, widths = zip(*EXPONENTS, strict=True)
         recording.log('exponents', rr.SeriesLines(
-            colors=EXPONENT_COLOURS, names=[name for name, _ in EXPONENTS],
-            widths=EXPONENT_WIDTHS), static=True)
-        recording.log('alpha', rr.SeriesLines(
-            colors=rgba(ORANGE), names='alpha', widths=2.0, interpolation_mode='StepAfter'),
-            static=True)
+            colors=colours, names=labels, widths=widths), static=True)
+        recording.log('alpha', rr.SeriesLines(colors=rgba(ORANGE), names='alpha', widths=2.0,
+                                              interpolation_mode='StepAfter'), static=True)
 
     def is_due(self, time: float) -> bool:
-        """Whether to draw now [s of wall time]."""
         if self._begun is None:
             self._begun = time
         return time >= self._next
@@ -121,11 +110,9 @@ class Scene:
         self._recording.flush(timeout_sec=0.0)
 
     def log(self, text: str, level: str, now: Place | None) -> None:
-        """Log a line of text."""
         self._send('log', now, rr.TextLog.columns(text=[text], level=[level]))
 
     def close(self) -> None:
-        """Write out everything."""
         try:
             self._recording.flush(timeout_sec=2.0)
         finally:
@@ -136,20 +123,16 @@ class Scene:
         self._columns('velocity', impacts['impact'], impacts['drive_time'],
                       rr.Scalars.columns(scalars=impacts['velocity']))
         ring = np.concatenate([self._ring, impacts])
-        self._old = np.concatenate(
-            [self._old, ring[:-SECTION_POINTS:OLD_STEP]])[-OLD_POINTS:]
+        self._old = np.concatenate([self._old, ring[:-SECTION_POINTS:OLD_STEP]])[-OLD_POINTS:]
         self._ring = ring[-SECTION_POINTS:]
         ring = np.concatenate([self._old, self._ring])
         self._needed = nice_limit(float(np.abs(ring['velocity']).max()), self._needed)
         self._scale(now)
-        if self._by_alpha:
-            colours = axes.colours_of((ring['alpha'] - 0.4) / 1.4)
-        else:
-            colours = axes.greys_of(np.linspace(0.0, 1.0, len(ring)) ** 2)
-        self._send('section/plane/impacts', now, [
-            *self._points(ring),
-            *rr.Points2D.columns(colors=colours).partition([len(ring)])])
-        self._send('section/plane/newest', now, self._points(ring[-BRIGHT_POINTS:]))
+        places = np.stack([ring['phase'], ring['velocity']], axis=1).astype(np.float32)
+        colours = axes.colours_of((ring['alpha'] - 0.4) / 1.4) if self._by_alpha else (
+            axes.colours_of(np.linspace(0.0, 1.0, len(ring)) ** 2, axes.GREYS))
+        self._send('section/plane/impacts', now, points(positions=places, colors=colours))
+        self._send('section/plane/newest', now, points(positions=places[-BRIGHT_POINTS:]))
 
     def _scale(self, now: Place) -> None:
         limit = max(self._needed, 0.0 if self._basin is None else self._basin.high)
@@ -158,10 +141,11 @@ class Scene:
         self._limit = limit
         self._send('section/plane', now, rr.Transform3D.columns(
             scale=[[1.0, -axes.HALF_HEIGHT / limit, 1.0]]))
-        labels, places = axes.velocity_ticks(limit)
-        self._send('section/velocity', now, [
-            *rr.Points2D.columns(positions=places).partition([len(places)]),
-            *rr.Points2D.columns(labels=labels).partition([len(labels)])])
+        shares = (1.0, 0.5, 0.0, -0.5, -1.0)
+        # At the left; a label stands below its point.
+        self._send('section/velocity', now, points(
+            positions=[(-0.4, -share * axes.HALF_HEIGHT - 0.18) for share in shares],
+            labels=[f'{share * limit:g}'.replace('-', '−') for share in shares]))
 
     def _draw_basin(self, now: Place) -> None:
         picture = self._basin
@@ -170,35 +154,27 @@ class Scene:
         self._has_new_basin = False
         self._scale(now)
         # From pixels, the first at the top left, to phase and velocity.
+        scale = [axes.TWO_PI / picture.width, (picture.low - picture.high) / picture.height, 1.0]
         self._send('section/plane/basin', now, rr.Transform3D.columns(
-            translation=[[0.0, picture.high, 0.0]],
-            scale=[[axes.TWO_PI / picture.width, (picture.low - picture.high) / picture.height,
-                    1.0]]))
+            translation=[[0.0, picture.high, 0.0]], scale=[scale]))
         self._send('section/plane/basin/image', now, rr.EncodedImage.columns(
             blob=[picture.png], media_type=['image/png'], opacity=[axes.BASIN_OPACITY],
             draw_order=[-10.0]))
-        count = len(picture.points)
-        self._send('section/plane/attractors', now, [
-            *rr.Points2D.columns(positions=picture.points).partition([count]),
-            *rr.Points2D.columns(colors=picture.colours).partition([count])])
-
-    def _points(self, rows: RowArray) -> list[rr.ComponentColumn]:
-        places = np.stack([rows['phase'], rows['velocity']], axis=1).astype(np.float32)
-        return [*rr.Points2D.columns(positions=places).partition([len(places)])]
+        self._send('section/plane/attractors', now, points(
+            positions=picture.points, colors=picture.colours))
 
     def _draw_flight(self, recent: Recent) -> None:
         motion = rebuild(recent.whole(), FLIGHT_STEP, axes.FLIGHT_PERIODS)
         if not len(motion.tau) or recent.now is None:
             return
-        x = motion.tau / axes.TWO_PI
-        line = np.stack([x, motion.displacement], axis=1).astype(np.float32)
+        line = np.stack(
+            [motion.tau / axes.TWO_PI, motion.displacement], axis=1).astype(np.float32)
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
     def _draw_alpha(self, changes: RowArray, now: Place) -> None:
-        self._columns(
-            'alpha', np.append(changes['impact'], now.impact),
-            np.append(changes['drive_time'], now.drive_time),
-            rr.Scalars.columns(scalars=np.append(changes['alpha'], now.event['alpha'])))
+        impact, drive_time, alpha = (np.append(changes[name], last) for name, last in (
+            ('impact', now.impact), ('drive_time', now.drive_time), ('alpha', now.event['alpha'])))
+        self._columns('alpha', impact, drive_time, rr.Scalars.columns(scalars=alpha))
 
     def _draw_exponents(self, recent: Recent) -> None:
         taken = list(self._estimates)
@@ -213,18 +189,21 @@ class Scene:
             'exponents', impacts, np.full(len(taken), recent.now.drive_time),
             rr.Scalars.columns(scalars=table.ravel()).partition([table.shape[1]] * len(taken)))
 
-    def _send(self, path: str, now: Place | None,
-              columns: Sequence[rr.ComponentColumn] | rr.ComponentColumnList) -> None:
+    def _send(self, path: str, now: Place | None, columns: Columns) -> None:
         impact, drive_time = (0, 0.0) if now is None else (now.impact, now.drive_time)
         self._columns(path, np.array([impact]), np.array([drive_time]), columns)
 
-    def _columns(self, path: str, impact: npt.NDArray[np.int64],
-                 drive_time: FloatArray,
-                 columns: Sequence[rr.ComponentColumn] | rr.ComponentColumnList) -> None:
+    def _columns(self, path: str, impact: npt.NDArray[np.int64], drive_time: FloatArray,
+                 columns: Columns) -> None:
         self.rows += len(impact)
         self._recording.send_columns(path, [
             rr.TimeColumn('impact', sequence=impact),
             rr.TimeColumn('drive_time', duration=drive_time)], columns)
+
+
+def points(**components: Any) -> rr.ComponentColumnList:
+    """Return points as one row: all components are equally long."""
+    return rr.Points2D.columns(**components).partition([len(components['positions'])])
 
 
 def exponent_row(values: Mapping[str, float]) -> list[float]:
@@ -234,5 +213,5 @@ def exponent_row(values: Mapping[str, float]) -> list[float]:
         values = {'lambda_1': math.nan, 'lambda_1_finite': values.get('lambda_1_finite', math.nan)}
     error = values.get('lambda_1_error', math.nan)
     band = {1: values['lambda_1'] + error, 2: values['lambda_1'] - error, 7: 0.0}
-    row = [band.get(i, values.get(name, math.nan)) for i, (_, name) in enumerate(EXPONENTS)]
+    row = [band.get(i, values.get(name, math.nan)) for i, (_, name, *_) in enumerate(EXPONENTS)]
     return [value if math.isfinite(value) else math.nan for value in row]

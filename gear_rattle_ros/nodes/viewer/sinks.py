@@ -4,7 +4,7 @@ import contextlib
 import importlib.util
 import os
 from pathlib import Path
-import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -15,8 +15,8 @@ import rerun as rr
 
 from .axes import blueprint
 from ..base.errors import UserError
+from ..base.process import apart
 
-APPLICATION: Final = 'gear_rattle_ros'
 LOOPBACK: Final = '127.0.0.1'
 # Memory of a window or the web server; beyond it the oldest data are dropped.
 MEMORY_LIMIT: Final = '1GB'
@@ -26,13 +26,10 @@ END_LIMIT: Final = 2.0
 # A file is given its index at the end, unless it is larger or that takes longer [bytes], [s].
 INDEXED_MOST: Final = 1_000_000_000
 INDEXED_WITHIN: Final = 6.0
-MODES: Final = ('auto', 'native', 'web', 'none')
 
 
 def chosen_mode(mode: str, save: str) -> str:
     """Return native, web or none; auto is native on a display, else web unless there is a file."""
-    if mode not in MODES:
-        raise UserError(f'mode = {mode!r} is not one of {", ".join(MODES)}')
     if mode == 'auto':
         if os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'):
             return 'native'
@@ -43,7 +40,6 @@ def chosen_mode(mode: str, save: str) -> str:
 
 
 def file_recording(save: str, colour: str) -> rr.RecordingStream:
-    """Return a recording that goes to a new file."""
     path = Path(save)
     if path.suffix != '.rrd':
         raise UserError(f'save = {save!r} must end in .rrd')
@@ -65,10 +61,8 @@ def add_index(save: str) -> str:
         if path.stat().st_size > INDEXED_MOST:
             return f'it is larger than {INDEXED_MOST >> 20} MB'
         subprocess.run(
-            _bound([_executable(), 'rrd', 'optimize', '--profile', 'live', str(path), '-o',
-                    str(whole)], 'KILL'),
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            check=True, timeout=INDEXED_WITHIN, start_new_session=True)
+            [_executable(), 'rrd', 'optimize', '--profile', 'live', str(path), '-o', str(whole)],
+            check=True, timeout=INDEXED_WITHIN, **apart(signal.SIGKILL))
         whole.chmod(path.stat().st_mode)
         whole.replace(path)
     except (OSError, subprocess.SubprocessError, UserError) as error:
@@ -83,10 +77,12 @@ class Window:
 
     def __init__(self, mode: str, web_port: int, colour: str) -> None:
         self._stays = mode == 'native'
-        port = _free_port()
+        with socket.socket() as probe:
+            probe.bind((LOOPBACK, 0))
+            port = int(probe.getsockname()[1])
         url = f'rerun+http://{LOOPBACK}:{port}/proxy'
         command = [_executable(), '--bind', LOOPBACK, '--port', str(port)]
-        if mode == 'native':
+        if self._stays:
             command += ['--memory-limit', MEMORY_LIMIT, '--hide-welcome-screen',
                         '--expect-data-soon']
             self.place = 'a window'
@@ -96,16 +92,12 @@ class Window:
             command += ['--serve-web', '--web-viewer-port', str(web_port),
                         '--server-memory-limit', MEMORY_LIMIT]
             self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
-            command = _bound(command, 'TERM')
-        self._child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL, start_new_session=True)
-        self._wait_for([port] if mode == 'native' else [port, web_port])
+        self._child = subprocess.Popen(command, **apart(0 if self._stays else signal.SIGTERM))
+        self._wait_for([port] if self._stays else [port, web_port])
         self.recording = _recording(rr.GrpcSink(url), colour)
 
     @property
     def is_open(self) -> bool:
-        """Whether the viewer still runs."""
         return self._child.poll() is None
 
     def close(self) -> None:
@@ -132,15 +124,9 @@ class Window:
 
 
 def _recording(sink: rr.FileSink | rr.GrpcSink, colour: str) -> rr.RecordingStream:
-    recording = rr.RecordingStream(APPLICATION)
+    recording = rr.RecordingStream('gear_rattle_ros')
     recording.set_sinks(sink, default_blueprint=blueprint(colour))
     return recording
-
-
-def _bound(command: list[str], number: str) -> list[str]:
-    """Let a child end with this node, even if the node is killed."""
-    setpriv = shutil.which('setpriv')
-    return [setpriv, '--pdeathsig', number, *command] if setpriv else command
 
 
 def _executable() -> str:
@@ -149,12 +135,6 @@ def _executable() -> str:
     if found is None or found.origin is None:
         raise UserError('rerun-sdk has no viewer here; try mode:=none save:=FILE.rrd')
     return str(Path(found.origin).parent / 'rerun')
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        return int(probe.getsockname()[1])
 
 
 def _listens(port: int) -> bool:
