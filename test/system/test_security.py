@@ -129,8 +129,7 @@ def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
         'replay': ['-p', f'bag:={tmp_path}/old', '-p', 'clock:=true', '-p', 'loop:=true'],
     }
     running = {name: start(name, '--ros-args', *more) for name, more in given.items()}
-    here = [Monitor(Status()), Node('teleop')]
-    Teleop(here[1])
+    here = [Monitor(Status()), Teleop()]
     link = SimulatorLink()
     link.join()
     allowed = policies()
