@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from .engine import run_tiles
 from .listing import listed, named
+from .plane import STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -95,11 +96,9 @@ class Attractor:
         return self.chaos.pieces if self.chaos else 0
 
     @property
-    def multipliers(self) -> tuple[complex, complex]:
+    def multipliers(self) -> npt.NDArray[np.complex128]:
         """Eigenvalues of the tangent over a period; nan off an orbit."""
-        if self.orbit is None:
-            return complex(math.nan), complex(math.nan)
-        return complex(self.orbit.multipliers[0]), complex(self.orbit.multipliers[1])
+        return self.orbit.multipliers if self.orbit else np.full(2, complex(math.nan))
 
     @property
     def exponents(self) -> tuple[float, float]:
@@ -177,15 +176,17 @@ class Catalogue:
 
         The last is what has not settled, if there is any.
         """
-        found = [Attractor(orbit.key, Kind.PERIODIC, label, orbit)
-                 for label, orbit in enumerate(self.orbits)]
-        found += [Attractor(chaos.key, Kind.CHAOTIC, len(found) + place, chaos=chaos)
-                  for place, chaos in enumerate(self.chaotic)]
-        found += [Attractor(orbit.key, Kind.PERIODIC, len(found) + place, orbit)
-                  for place, orbit in enumerate(self.late)]
+        found = [Attractor(each.key, Kind.PERIODIC, label, each) if isinstance(each, Orbit)
+                 else Attractor(each.key, Kind.CHAOTIC, label, chaos=each)
+                 for label, each in enumerate(self._known)]
         found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
                   if np.any(self.labels == label)]
         return tuple(self._with_share(each) for each in found)
+
+    @property
+    def _known(self) -> tuple[Orbit | ChaoticSet, ...]:
+        # In the order of their labels.
+        return (*self.orbits, *self.chaotic, *self.late)
 
     def __repr__(self) -> str:
         """List the attractors as a table."""
@@ -202,25 +203,22 @@ class Catalogue:
 
     def with_orbits(self, orbits: tuple[Orbit, ...]) -> 'Catalogue':
         """Add the orbits that are not known yet; the labels of the others stay."""
-        known = {orbit.key for orbit in (*self.orbits, *self.late)}
+        known = {each.key for each in self._known}
         new = {orbit.key: orbit for orbit in orbits if orbit.key not in known}
         return dataclasses.replace(self, late=(*self.late, *new.values())) if new else self
 
     @functools.cached_property
     def table(self) -> Table:
         """Return the table by which `classify` recognises the attractors."""
-        known = len(self.orbits)
-        after = known + len(self.chaotic)
-        numbers = [*range(known), *range(after, after + len(self.late))]
+        numbers = [n for n, each in enumerate(self._known) if isinstance(each, Orbit)]
         orbits = (*self.orbits, *self.late)
         if not self.chaotic:
             return make_table(orbits, self.tolerance, numbers=numbers)
         boxes = np.full((2, BOXES, BOXES), EMPTY, np.int8)
-        for number, chaos in enumerate(self.chaotic):
+        for number, chaos in enumerate(self.chaotic, len(self.orbits)):
             # Where two sets meet, a box is of neither.
             grown = dilated(chaos.boxes)
-            boxes = np.where(grown & (boxes == EMPTY), known + number,
-                             np.where(grown, EMPTY, boxes)).astype(np.int8)
+            boxes[grown] = np.where(boxes[grown] == EMPTY, number, EMPTY)
         return make_table(orbits, self.tolerance, numbers=numbers, boxes=boxes,
                           box_speed=self.chaotic[0].speed, stay=self.stay)
 
@@ -320,6 +318,5 @@ def follow_here(initial: RecordArray, cap: int, table: Table, results: RecordArr
 def moved(initial: RecordArray, results: RecordArray) -> RecordArray:
     """Return initial conditions where they were when they were given up as unsettled."""
     states = initial.copy()
-    for name in ('phase', 'displacement', 'velocity'):
-        states[name] = results[name]
+    states[list(STATE)] = results[list(STATE)]
     return states

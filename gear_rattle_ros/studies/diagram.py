@@ -11,7 +11,7 @@ from .attractors import identity_of, require_window
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, Window
 from ..attractors.listing import named
-from ..attractors.plane import Plane
+from ..attractors.plane import Plane, STATE
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
@@ -28,7 +28,9 @@ KEY: Final = '<U48'
 # Impacts of each attractor that are kept, to know it again at the next alpha.
 POINTS: Final = 64
 EXPONENTS: Final = ('exponent', 'exponent_error', 'exact_sum')
-STATE: Final = ('phase', 'displacement', 'velocity')
+# What stands where there is no attractor; nan in every other array.
+NOTHING: Final = {'count': 0, 'key': '', 'share': 0.0, 'kind': -1, 'period_impacts': 0,
+                  'period_drive': 0}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,14 +122,11 @@ def layout_of(diagram: Diagram) -> Layout:
 
 def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
     """Lay out the attractors of some columns as an array (alpha, slot ...) by variable."""
-    shape = (len(columns), SLOTS)
-    values: dict[str, npt.NDArray[Any]] = {
-        'count': np.zeros((*shape, diagram.window.bins), np.uint32), 'key': np.zeros(shape, KEY),
-        'point': np.full((*shape, POINTS, 3), math.nan, np.float32),
-        'kind': np.full(shape, -1, np.int8), 'share': np.zeros(shape),
-        'member_state': np.full((*shape, len(STATE)), math.nan),
-        **{name: np.zeros(shape, np.int32) for name in ('period_impacts', 'period_drive')},
-        **{name: np.full(shape, math.nan) for name in EXPONENTS}}
+    layout = layout_of(diagram)
+    sizes = {axis.name: len(axis.values) for axis in layout.axes} | {'alpha': len(columns)}
+    values = {each.name: np.full([sizes[name] for name in each.dimensions[1:]],
+                                 NOTHING.get(each.name, math.nan), each.dtype)
+              for each in layout.variables}
     for c, found in enumerate(columns):
         for k, one in enumerate(found):
             slot = c, min(k, SLOTS - 1)
