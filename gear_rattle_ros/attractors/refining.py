@@ -157,6 +157,6 @@ def _limits(catalogue: Catalogue, cap: int, rounds: tuple[int, ...]) -> list[int
     total = 0
     while total < cap:
         usual = rounds[min(len(limits), len(rounds) - 1)]
-        limits.append(min(max(usual, least), max(cap - total, least)))
+        limits.append(max(min(usual, cap - total), least))
         total += limits[-1]
     return limits

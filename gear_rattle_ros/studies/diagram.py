@@ -27,7 +27,6 @@ KINDS: Final = tuple(kind.value for kind in Kind)
 KEY: Final = '<U48'
 # Impacts of each attractor that are kept, to know it again at the next alpha.
 POINTS: Final = 64
-EXPONENTS: Final = ('exponent', 'exponent_error', 'exact_sum')
 # What stands where there is no attractor; nan in every other array.
 NOTHING: Final = {'count': 0, 'key': '', 'share': 0.0, 'kind': -1, 'period_impacts': 0,
                   'period_drive': 0}
@@ -38,17 +37,15 @@ class Diagram:
     """
     What an orbit diagram is made of.
 
-    `columns` amplitudes are equally spaced between the two `alphas` [1], both included, whatever
-    the alpha of `parameters`. Each has `trajectories` initial conditions, drawn from `plane` with
-    `seed`; the sweeps up and down, which go on from the neighbouring column, follow at most
-    `LANES`.
+    The sweeps up and down, which go on from the neighbouring column, follow at most `LANES`
+    trajectories.
     """
 
     parameters: Parameters
-    alphas: tuple[float, float]
-    columns: int
-    plane: Plane
-    trajectories: int
+    alphas: tuple[float, float]  # ends of the window [1], whatever the alpha of `parameters`
+    columns: int  # amplitudes, equally spaced, both ends included
+    plane: Plane  # from which initial conditions are drawn
+    trajectories: int  # at each amplitude
     seed: int
     window: Window
     sweeps: tuple[str, ...] = SWEEPS
@@ -138,7 +135,7 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             points = one.attractor.points(POINTS)[:POINTS]
             values['point'][slot][:len(points)] = points
             values['kind'][slot] = KINDS.index(one.attractor.kind.value)
-            for name in EXPONENTS:
+            for name in ('exponent', 'exponent_error', 'exact_sum'):
                 values[name][slot] = getattr(one, name)
             orbit = one.attractor.orbit
             if orbit:

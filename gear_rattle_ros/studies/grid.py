@@ -128,6 +128,6 @@ def _orbits_from(text: str, parameters: Parameters) -> list[Orbit]:
         parameters, np.array(each['walls'], np.int64), np.array(each['points']),
         np.array(each['flight_times']), each['drive_periods'],
         np.array(each['multipliers'], np.float64).ravel().view(np.complex128), each['sticks'],
-        None if each['forms'] is None else np.array(
-            [[math.inf if value is None else value for value in form] for form in each['forms']]),
+        None if each['forms'] is None else np.nan_to_num(
+            np.array(each['forms'], np.float64), nan=math.inf, posinf=math.inf),
     ) for each in json.loads(text)]
