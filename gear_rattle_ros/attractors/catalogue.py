@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from .engine import run_tiles
 from .listing import listed, named
+from .plane import STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -56,15 +57,17 @@ OTHERS: Final = {
     FLOATING: ('floating', Kind.FLOATING), UNSETTLED: ('unsettled', Kind.UNSETTLED)}
 
 
+def go_on() -> None:
+    """Give nothing up."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Attractor:
     """
     One attractor, or what has settled on none.
 
     `key` is the same in every run: that of a periodic orbit is made of its period and its first
-    point, that of a chaotic one of the shortest periodic orbit in it. `settled` counts the random
-    initial conditions that have settled on it; `share` is their part of all, with the standard
-    error of a binomial share [1].
+    point, that of a chaotic one of the shortest periodic orbit in it.
     """
 
     key: str
@@ -72,9 +75,9 @@ class Attractor:
     label: int
     orbit: Orbit | None = None
     chaos: ChaoticSet | None = None
-    settled: int = 0
-    share: float = 0.0
-    share_error: float = 0.0
+    settled: int = 0  # random initial conditions that have settled on it
+    share: float = 0.0  # their part of all [1]
+    share_error: float = 0.0  # standard error of a binomial share [1]
 
     @property
     def impacts(self) -> int:
@@ -95,11 +98,9 @@ class Attractor:
         return self.chaos.pieces if self.chaos else 0
 
     @property
-    def multipliers(self) -> tuple[complex, complex]:
+    def multipliers(self) -> npt.NDArray[np.complex128]:
         """Eigenvalues of the tangent over a period; nan off an orbit."""
-        if self.orbit is None:
-            return complex(math.nan), complex(math.nan)
-        return complex(self.orbit.multipliers[0]), complex(self.orbit.multipliers[1])
+        return self.orbit.multipliers if self.orbit else np.full(2, complex(math.nan))
 
     @property
     def exponents(self) -> tuple[float, float]:
@@ -177,15 +178,17 @@ class Catalogue:
 
         The last is what has not settled, if there is any.
         """
-        found = [Attractor(orbit.key, Kind.PERIODIC, label, orbit)
-                 for label, orbit in enumerate(self.orbits)]
-        found += [Attractor(chaos.key, Kind.CHAOTIC, len(found) + place, chaos=chaos)
-                  for place, chaos in enumerate(self.chaotic)]
-        found += [Attractor(orbit.key, Kind.PERIODIC, len(found) + place, orbit)
-                  for place, orbit in enumerate(self.late)]
+        found = [Attractor(each.key, Kind.PERIODIC, label, each) if isinstance(each, Orbit)
+                 else Attractor(each.key, Kind.CHAOTIC, label, chaos=each)
+                 for label, each in enumerate(self._known)]
         found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
                   if np.any(self.labels == label)]
         return tuple(self._with_share(each) for each in found)
+
+    @property
+    def _known(self) -> tuple[Orbit | ChaoticSet, ...]:
+        # In the order of their labels.
+        return (*self.orbits, *self.chaotic, *self.late)
 
     def __repr__(self) -> str:
         """List the attractors as a table."""
@@ -202,36 +205,45 @@ class Catalogue:
 
     def with_orbits(self, orbits: tuple[Orbit, ...]) -> 'Catalogue':
         """Add the orbits that are not known yet; the labels of the others stay."""
-        known = {orbit.key for orbit in (*self.orbits, *self.late)}
+        known = {each.key for each in self._known}
         new = {orbit.key: orbit for orbit in orbits if orbit.key not in known}
         return dataclasses.replace(self, late=(*self.late, *new.values())) if new else self
 
     @functools.cached_property
     def table(self) -> Table:
         """Return the table by which `classify` recognises the attractors."""
-        known = len(self.orbits)
-        after = known + len(self.chaotic)
-        numbers = [*range(known), *range(after, after + len(self.late))]
+        numbers = [n for n, each in enumerate(self._known) if isinstance(each, Orbit)]
         orbits = (*self.orbits, *self.late)
         if not self.chaotic:
             return make_table(orbits, self.tolerance, numbers=numbers)
         boxes = np.full((2, BOXES, BOXES), EMPTY, np.int8)
-        for number, chaos in enumerate(self.chaotic):
+        for number, chaos in enumerate(self.chaotic, len(self.orbits)):
             # Where two sets meet, a box is of neither.
             grown = dilated(chaos.boxes)
-            boxes = np.where(grown & (boxes == EMPTY), known + number,
-                             np.where(grown, EMPTY, boxes)).astype(np.int8)
+            boxes[grown] = np.where(boxes[grown] == EMPTY, number, EMPTY)
         return make_table(orbits, self.tolerance, numbers=numbers, boxes=boxes,
                           box_speed=self.chaotic[0].speed, stay=self.stay)
 
-    def label(self, initial: RecordArray, cap: int | None = None, **settings: Any) -> RecordArray:
+    def label(self, initial: RecordArray, cap: int | None = None, *, threads: int | None = None,
+              cluster: str | None = None, check: Any = go_on) -> RecordArray:
         """
         Follow initial conditions until they settle, for at most `cap` impacts, `hold` by default.
 
         Returns their RESULT: labels, lifetimes [impacts], and the states of those that are
-        unsettled; `settings` are those of `follow`.
+        unsettled. `check` is called after each batch and raises to give up.
         """
-        return follow(initial, cap or self.hold, self.table, **settings)
+        results = np.zeros(len(initial), RESULT)
+        cap = cap or self.hold
+        # At least two batches, for as many threads.
+        size = min(max(min(BATCH_IMPACTS // cap, -(-len(initial) // 2)), LANES), BATCH)
+
+        def keep(batch: int, settled: RecordArray) -> None:
+            results[batch * size:(batch + 1) * size] = settled
+            check()
+
+        run_tiles(functools.partial(_follow_batch, initial, size, cap, self.table),
+                  range(-(-len(initial) // size)), keep, cluster=cluster, threads=threads)
+        return results
 
 
 def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
@@ -246,10 +258,11 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
                                   [len(rows) for _, rows in found]) for found in (points, boxes))
     point, box = (np.concatenate([np.zeros((0, width)), *(rows for _, rows in found)]).T
                   for found, width in ((points, 4), (boxes, 3)))
-    return {name: (tuple(dimensions.split()), values, named(words, units))
-            for dimensions, name, values, words, units in (
-        *(('attractor', f'attractor_{name}',
-           np.array([getattr(each, name) for each in attractors]), words, '1') for name, words in (
+    # The name begins with the dimension.
+    return {name: ((name.split('_')[0], 'pair')[:np.ndim(values)], values, named(words, units))
+            for name, values, words, units in (
+        *((f'attractor_{name}', np.array([getattr(each, name) for each in attractors]), words, '1')
+          for name, words in (
             ('label', 'number in the grid'), ('impacts', 'impacts of a period'),
             ('drive_periods', 'drive periods of a period'),
             ('pieces', 'parts visited in turn on one wall'),
@@ -257,50 +270,24 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
             ('settled', 'random initial conditions settled on it'),
             ('share', 'share of the random initial conditions'),
             ('share_error', 'standard error of the share'))),
-        ('attractor', 'attractor_key', np.array([each.key for each in attractors]),
-         'name of the attractor', ''),
-        ('attractor', 'attractor_kind', np.array([each.kind.value for each in attractors]),
+        ('attractor_key', np.array([each.key for each in attractors]), 'name of the attractor',
+         ''),
+        ('attractor_kind', np.array([each.kind.value for each in attractors]),
          'periodic, chaotic, resting, floating or unsettled', ''),
-        ('attractor pair', 'attractor_multiplier_real', multipliers.real,
-         'multipliers of a period, real part', '1'),
-        ('attractor pair', 'attractor_multiplier_imaginary', multipliers.imag,
+        ('attractor_multiplier_real', multipliers.real, 'multipliers of a period, real part', '1'),
+        ('attractor_multiplier_imaginary', multipliers.imag,
          'multipliers of a period, imaginary part', '1'),
-        ('attractor pair', 'attractor_exponent', exponents, 'Lyapunov exponents per impact', '1'),
-        ('attractor pair', 'attractor_exponent_error', errors,
-         'standard errors of the exponents', '1'),
-        ('point', 'point_wall', point[0], 'wall: 0 upper, 1 lower', '1'),
-        ('point', 'point_phase', point[1], 'drive phase of the impact', 'rad'),
-        ('point', 'point_velocity', point[2], 'velocity before the impact', '1'),
-        ('point', 'point_flight_time', point[3], 'time since the impact before', '1'),
-        ('point', 'point_label', owners, 'attractor of the point', '1'),
-        ('box', 'box_wall', box[0], 'wall: 0 upper, 1 lower', '1'),
-        ('box', 'box_phase', box[1], 'drive phase of the centre', 'rad'),
-        ('box', 'box_velocity', box[2], 'velocity before the impact, of the centre', '1'),
-        ('box', 'box_label', boxes_of, 'chaotic attractor that visits the box', '1'))}
-
-
-def go_on() -> None:
-    """Give nothing up."""
-
-
-def follow(initial: RecordArray, cap: int, table: Table, *, threads: int | None = None,
-           cluster: str | None = None, check: Any = go_on) -> RecordArray:
-    """
-    Follow initial conditions until they settle, for at most `cap` impacts; return their RESULT.
-
-    `check` is called after each batch and raises to give up.
-    """
-    results = np.zeros(len(initial), RESULT)
-    # At least two batches, for as many threads.
-    size = min(max(min(BATCH_IMPACTS // cap, -(-len(initial) // 2)), LANES), BATCH)
-
-    def keep(batch: int, settled: RecordArray) -> None:
-        results[batch * size:(batch + 1) * size] = settled
-        check()
-
-    run_tiles(functools.partial(_follow_batch, initial, size, cap, table),
-              range(-(-len(initial) // size)), keep, cluster=cluster, threads=threads)
-    return results
+        ('attractor_exponent', exponents, 'Lyapunov exponents per impact', '1'),
+        ('attractor_exponent_error', errors, 'standard errors of the exponents', '1'),
+        ('point_wall', point[0], 'wall: 0 upper, 1 lower', '1'),
+        ('point_phase', point[1], 'drive phase of the impact', 'rad'),
+        ('point_velocity', point[2], 'velocity before the impact', '1'),
+        ('point_flight_time', point[3], 'time since the impact before', '1'),
+        ('point_label', owners, 'attractor of the point', '1'),
+        ('box_wall', box[0], 'wall: 0 upper, 1 lower', '1'),
+        ('box_phase', box[1], 'drive phase of the centre', 'rad'),
+        ('box_velocity', box[2], 'velocity before the impact, of the centre', '1'),
+        ('box_label', boxes_of, 'chaotic attractor that visits the box', '1'))}
 
 
 def _follow_batch(initial: RecordArray, size: int, cap: int, table: Table, batch: int
@@ -320,6 +307,5 @@ def follow_here(initial: RecordArray, cap: int, table: Table, results: RecordArr
 def moved(initial: RecordArray, results: RecordArray) -> RecordArray:
     """Return initial conditions where they were when they were given up as unsettled."""
     states = initial.copy()
-    for name in ('phase', 'displacement', 'velocity'):
-        states[name] = results[name]
+    states[list(STATE)] = results[list(STATE)]
     return states

@@ -20,13 +20,12 @@ class Window:
     """
     What is followed and counted at each alpha.
 
-    The velocities of `keep` impacts of each trajectory are counted in `bins` between `low` and
-    `high` [1]. After `hold` impacts a trajectory is unsettled, and for as many nothing may leave a
-    chaotic attractor.
+    After `hold` impacts a trajectory is unsettled, and for as many nothing may leave a chaotic
+    attractor.
     """
 
-    keep: int = 2048
-    low: float = -3.0
+    keep: int = 2048  # impacts of each trajectory that are counted
+    low: float = -3.0  # the velocities between which they are [1]
     high: float = 3.0
     bins: int = 1200
     hold: int = 10_000
@@ -47,18 +46,16 @@ class Branch:
     """
     An attractor at one alpha, or what has not settled there.
 
-    `states` are those of the trajectories that are on it, `counts` (bins,) their impact
-    velocities. The largest exponent per impact [1] of a periodic orbit follows from its
-    multipliers, without an error; else it is the mean of all blocks. `exact_sum` is what both
-    exponents add up to [1].
+    The largest exponent per impact [1] of a periodic orbit follows from its multipliers, without
+    an error; else it is the mean of all blocks.
     """
 
     attractor: Attractor
-    states: RecordArray
-    counts: FloatArray
+    states: RecordArray  # of the trajectories that are on it
+    counts: FloatArray  # their impact velocities, by bin
     exponent: float
     exponent_error: float
-    exact_sum: float
+    exact_sum: float  # what both exponents add up to [1]
 
 
 def find_branches(parameters: Parameters, initial: RecordArray, window: Window,

@@ -17,7 +17,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from .catalogue import BATCH, Catalogue, follow, go_on, moved
+from .catalogue import BATCH, Catalogue, go_on, moved
 from .plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.lanes_step import LANES
@@ -88,7 +88,7 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
                           labels=np.full(len(initial), UNSETTLED, np.int64), states=initial)
     if conserves_areas(parameters):
         return catalogue
-    search = _Search(catalogue, initial, {'threads': threads, 'cluster': cluster, 'check': check})
+    search = _Search(catalogue, {'threads': threads, 'cluster': cluster, 'check': check})
     search.add(carried(known, parameters, tolerance))
     last = effort.stages[-1]
     for until, count, longest in (*(stage for stage in effort.stages if stage[0] < hold),
@@ -105,69 +105,57 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
             break
         search.follow_to(search.followed + effort.stages[1][0])
     search.follow_to(hold)
-    return search.catalogue()
+    return search.known
 
 
 class _Search:
     """A search under way: in `followed` impacts those numbered in `left` have not settled."""
 
-    def __init__(self, catalogue: Catalogue, initial: RecordArray, settings: dict[str, Any]
-                 ) -> None:
-        self._plain = catalogue
-        self._initial, self._states = initial, initial.copy()
+    def __init__(self, catalogue: Catalogue, settings: dict[str, Any]) -> None:
+        self.known = dataclasses.replace(catalogue, states=catalogue.states.copy())
+        self._initial = catalogue.states
         self._settings = settings
-        self._orbits: dict[str, Orbit] = {}
-        self._chaos: tuple[ChaoticSet, ...] = ()
-        self._stay = 0
-        self._homes = np.full(len(initial), '', object)
-        self._labels = catalogue.labels.copy()
-        self.left = np.arange(len(initial))
+        self.left = np.arange(len(catalogue.labels))
         self.followed = 0
 
     @property
     def unsettled(self) -> RecordArray:
         """Return the states of what is left."""
-        return self._states[self.left]
+        return self.known.states[self.left]
 
     def add(self, orbits: list[Orbit]) -> bool:
-        """Enter orbits into the table; return whether any is new."""
-        new = {orbit.key: orbit for orbit in orbits if orbit.key not in self._orbits}
-        self._orbits.update(new)
-        return bool(new)
-
-    def catalogue(self) -> Catalogue:
-        """Return what is known so far."""
-        ordered = tuple(self._orbits[key] for key in sorted(self._orbits))
-        keys = [*sorted(self._orbits), *(chaos.key for chaos in self._chaos)]
-        numbers = {key: number for number, key in enumerate(keys)}
-        labels = np.array([numbers.get(home, label) for home, label in zip(
-            self._homes, self._labels, strict=True)], np.int64)
-        return dataclasses.replace(self._plain, orbits=ordered, chaotic=self._chaos,
-                                   stay=self._stay, labels=labels, states=self._states)
+        """Enter orbits into the table, in the order of their keys; return whether any is new."""
+        before, more = self.known.orbits, self.known.with_orbits(tuple(orbits))
+        if more is self.known:
+            return False
+        ordered = {orbit.key: orbit for orbit in sorted(
+            (*before, *more.late), key=lambda orbit: orbit.key)}
+        numbers = np.array([[*ordered].index(orbit.key) for orbit in before], np.int64)
+        settled = more.labels >= 0
+        more.labels[settled] = numbers[more.labels[settled]]
+        self.known = dataclasses.replace(more, orbits=tuple(ordered.values()), late=())
+        return True
 
     def follow_to(self, impacts: int) -> None:
         """Follow what is left until it has made this number of impacts."""
         if impacts <= self.followed or not len(self.left):
             return
-        catalogue = self.catalogue()
-        results = catalogue.label(self.unsettled, impacts - self.followed, **self._settings)
-        keys = [each.key for each in catalogue.attractors if each.label >= 0]
-        self._labels[self.left] = results['label']
-        self._homes[self.left] = [keys[label] if label >= 0 else '' for label in results['label']]
-        self._states[self.left] = moved(self.unsettled, results)
+        results = self.known.label(self.unsettled, impacts - self.followed, **self._settings)
+        self.known.labels[self.left] = results['label']
+        self.known.states[self.left] = moved(self.unsettled, results)
         self.left = self.left[results['label'] == UNSETTLED]
         self.followed = impacts
 
     def confirmed(self, effort: Effort, check: Check) -> tuple[list[ChaoticSet], list[Orbit]]:
         """Find the sets that nothing leaves, and orbits to which some leave."""
-        plain, found = self._plain, list[ChaoticSet]()
-        wanted = CONFIRMED * plain.hold
+        known, found = self.known, list[ChaoticSet]()
+        wanted = CONFIRMED * known.hold
         states = fill_lanes(self.unsettled)
         ends = states[:0]
         check()
         length = min(max(wanted // LANES, effort.length), TRACED)
-        for chaos in chaotic_sets(plain.parameters, states, length, effort,
-                                  plain.tolerance)[:SETS_MOST]:
+        for chaos in chaotic_sets(known.parameters, states, length, effort,
+                                  known.tolerance)[:SETS_MOST]:
             check()
             ends = np.concatenate([ends, chaos.states[chaos.recurs]])
             report = chaos.exponents
@@ -177,35 +165,32 @@ class _Search:
             if chaos.impacts < wanted:
                 # Few trajectories came there: they go on in all lanes.
                 more = fill_lanes(chaos.states)
-                results = follow(more, -(-(wanted - chaos.impacts) // LANES),
-                                 self.catalogue().table, **self._settings)
+                results = known.label(more, -(-(wanted - chaos.impacts) // LANES),
+                                      **self._settings)
                 ends = np.concatenate([ends, moved(more, results)])
                 if np.any(results['label'] != UNSETTLED):
                     continue
             found.append(chaos)
-        orbits = orbits_among(plain.parameters, ends, *effort.stages[-1][1:], plain.tolerance,
-                              check)
-        return found, orbits
+        return found, orbits_among(known.parameters, ends, *effort.stages[-1][1:],
+                                   known.tolerance, check)
 
     def settle_on(self, sets: list[ChaoticSet]) -> None:
         """Let what is left settle on sets that nothing leaves, and find how soon it may."""
-        tried = dataclasses.replace(self.catalogue(), chaotic=tuple(sets))
-        known = len(tried.orbits)
-        elsewhere = self._initial[np.setdiff1d(np.arange(len(self._initial)), self.left)]
+        elsewhere = np.delete(self._initial, self.left)
         for stay in STAYS:
-            if not tried.chaotic or stay > self._plain.hold:
+            if not sets or stay > self.known.hold:
                 return
-            labels = dataclasses.replace(tried, stay=stay).label(
-                elsewhere, **self._settings)['label']
-            leaks = np.unique(labels[labels >= known])
+            tried = dataclasses.replace(self.known, chaotic=tuple(sets), stay=stay)
+            labels = tried.label(elsewhere, **self._settings)['label']
+            leaks = labels[labels >= len(tried.orbits)] - len(tried.orbits)
             if not len(leaks):
                 break
-            if stay == STAYS[-1]:
-                # What trajectories leave after so long is a transient.
-                tried = dataclasses.replace(tried, chaotic=tuple(
-                    chaos for number, chaos in enumerate(sets) if known + number not in leaks))
-        self._chaos, self._stay = tried.chaotic, stay
-        self.follow_to(max(self._plain.hold, self.followed + stay))
+        else:
+            # What trajectories leave after so long is a transient.
+            tried = dataclasses.replace(tried, chaotic=tuple(
+                chaos for number, chaos in enumerate(sets) if number not in leaks))
+        self.known = tried
+        self.follow_to(max(tried.hold, self.followed + stay))
 
 
 def carried(orbits: tuple[Orbit, ...], parameters: Parameters, tolerance: float) -> list[Orbit]:

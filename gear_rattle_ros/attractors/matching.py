@@ -21,15 +21,10 @@ MOST: Final = 400
 
 @dataclasses.dataclass(frozen=True)
 class Trace:
-    """
-    An attractor that has a number.
+    """An attractor that has a number."""
 
-    `hue`: its number, from 0 on, which is that of its colour; `points`: wall (0 upper, 1 lower),
-    phase [rad] and velocity [1] of its impacts; `is_chaotic`: whether it is no orbit.
-    """
-
-    hue: int
-    points: FloatArray
+    hue: int  # its number, from 0 on, which is that of its colour
+    points: FloatArray  # wall (0 upper, 1 lower), phase [rad] and velocity [1] of its impacts
     is_chaotic: bool
 
 

@@ -16,6 +16,8 @@ TWO_PI: Final = 2.0 * math.pi
 EDGE_MAXIMUM: Final = 1_000_000
 
 StartArray = npt.NDArray[np.void]
+# The fields of a START, or a RESULT, that change along a trajectory.
+STATE: Final = ('phase', 'displacement', 'velocity')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,8 +100,7 @@ def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
 
 def at_parameters(parameters: Parameters, states: StartArray) -> StartArray:
     """Return the initial conditions of states, at parameters of their own or at others."""
-    return make_initial_conditions(parameters, *(states[name] for name in (
-        'phase', 'displacement', 'velocity')))
+    return make_initial_conditions(parameters, *(states[name] for name in STATE))
 
 
 def _centres(window: tuple[float, float], count: int, first: int = 0,

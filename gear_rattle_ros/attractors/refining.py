@@ -37,37 +37,32 @@ SEED: Final = 1
 
 
 class Level:
-    """
-    A grid of initial conditions under way.
-
-    `states`: the initial conditions; those that have not settled where they are now; `labels`,
-    `lifetimes`: what they have settled on, and since which impact; of the unsettled ones impacts
-    followed; `left`, `due`: numbers of those that have not settled, and of those that this round
-    has still to follow; `rounds`, `impacts`: rounds and impacts made; `spent`: time that it took
-    [s]; `mean`: impacts of an initial condition in a round.
-    """
+    """A grid of initial conditions under way, first shown as `begun` left it."""
 
     def __init__(self, initial: RecordArray, shape: tuple[int, int], cap: int, *,
                  seconds: float = math.inf, sure: float = math.inf, is_mixed: bool = False,
                  begun: 'Level | None' = None, slice_impacts: float = SLICE) -> None:
         self.cap, self.seconds, self.sure = cap, seconds, sure
+        # Those that have not settled are where they are now.
         self.states = initial
         self.labels = np.full(shape, UNSETTLED, np.int16)
+        # Impacts until they settled; of the unsettled ones impacts followed.
         self.lifetimes = np.zeros(shape, np.int32)
         if begun is not None:
             rows, columns = (np.arange(new) * old // new for new, old in zip(
                 shape, begun.labels.shape, strict=True))
             self.labels = begun.labels[np.ix_(rows, columns)]
             self.lifetimes = begun.lifetimes[np.ix_(rows, columns)]
+        # Those that have not settled, and those that this round has still to follow.
         self.left = (np.random.default_rng(SEED).permutation(len(initial)) if is_mixed
                      else np.arange(len(initial)))
         # Where areas are kept nothing settles, and nothing is followed.
         self.due = self.left[~conserves_areas(initial.view(np.recarray))[self.left]]
         self.rounds = self.impacts = 0
+        # Time that it took [s], and impacts of an initial condition in a round.
         self.spent, self.mean = 0.0, GUESS
         self._slice = slice_impacts
         self._followed = np.zeros(len(initial), np.int32)
-        self._has_settled = np.zeros(len(initial), bool)
 
     @property
     def unsettled(self) -> float:
@@ -105,8 +100,8 @@ class Level:
         np.put(self.lifetimes, seen, self._followed[seen] + found['lifetime'])
         self._followed[seen] += found['impacts'].astype(np.int32)
         self.states[due[goes_on]] = moved(initial[goes_on], results[goes_on])
-        self._has_settled[due[~is_left]] = True
-        self.left, self.due = self.left[~self._has_settled[self.left]], due[~is_seen]
+        self.left = self.left[~np.isin(self.left, due[~is_left])]
+        self.due = due[~is_seen]
         if not len(self.due):
             self.due = self.left
             self.rounds += 1
@@ -162,6 +157,6 @@ def _limits(catalogue: Catalogue, cap: int, rounds: tuple[int, ...]) -> list[int
     total = 0
     while total < cap:
         usual = rounds[min(len(limits), len(rounds) - 1)]
-        limits.append(min(max(usual, least), max(cap - total, least)))
+        limits.append(max(min(usual, cap - total), least))
         total += limits[-1]
     return limits

@@ -52,18 +52,12 @@ class Dropped(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Basins:
-    """
-    One picture.
-
-    `plane`: its cells; `labels`: attractor of every initial condition, or one of the labels below
-    zero of `classify`; `catalogue`: the attractors; `is_complete`: whether chaotic attractors have
-    been searched for.
-    """
+    """One picture."""
 
     plane: Plane
-    labels: npt.NDArray[np.int16]
+    labels: npt.NDArray[np.int16]  # of every cell, as `classify` gives them
     catalogue: Catalogue
-    is_complete: bool
+    is_complete: bool  # whether chaotic attractors have been searched for
 
     def share(self, label: int) -> float:
         """Return the share of the plane that has a label [1]."""

@@ -4,16 +4,17 @@ from collections.abc import Callable, Iterator
 import dataclasses
 import itertools
 import math
-from typing import Any, Final
+from typing import Final, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from .diagram import Diagram, KINDS
 from .endings import Captor, End, find_end, Herd, spread_out, watch
 from ..attractors.catalogue import Kind
 from ..attractors.plane import make_initial_conditions
+from ..core.arrays import FloatArray
 from ..core.many.recorded import record_impacts
+from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_orbit, Orbit, same_orbit
 from ..core.orbits.section import turn as turned
@@ -40,25 +41,27 @@ class Event:
     """
     Where an attractor changes.
 
-    `attractor`: its number; `what`: of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic
-    attractor: window (a stable orbit is born and replaces it), crisis (trajectories leave it for
-    good), interior crisis (it suddenly grows). Of any: not located (it is seen at one alpha and
-    not at the next; at rest, or on an orbit that sticks, it cannot be followed); `alpha`,
-    `tolerance`: where, and how well that is located [1]; `orbit`: that changes, or on which
-    trajectories then settle; `name`: key of what is no orbit that can be followed.
+    `what`: of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a
+    stable orbit is born and replaces it), crisis (trajectories leave it for good), interior crisis
+    (it suddenly grows). Of any: not located (it is seen at one alpha and not at the next; at rest,
+    or on an orbit that sticks, it cannot be followed).
     """
 
     attractor: int
     what: str
     alpha: float
-    tolerance: float
-    orbit: Orbit | None
-    name: str = ''
+    tolerance: float  # how well alpha is located [1]
+    captor: Captor  # what changes, or on what trajectories then settle
+
+    @property
+    def orbit(self) -> Orbit | None:
+        """Return the orbit that it is about."""
+        return self.captor if isinstance(self.captor, Orbit) else None
 
     @property
     def key(self) -> str:
         """Name of the orbit or of what else it is about; empty where nothing has one."""
-        return self.orbit.key if self.orbit else self.name
+        return self.orbit.key if self.orbit else str(self.captor or '')
 
     @property
     def multiplier(self) -> float:
@@ -80,17 +83,19 @@ HEADING: Final = 'attractor  event            alpha [1]  orbit'
 
 @dataclasses.dataclass
 class Family:
-    """
-    The stable orbits of a branch between two changes.
+    """The stable orbits of a branch between two changes."""
 
-    `orbits`: in the order of alpha; `turns`: where it ends; `parent`: the family from which it
-    branches, -1 for none; `numbers`: of the attractors that were seen on it.
-    """
+    orbits: list[Orbit]  # in the order of alpha
+    turns: list[Turn]  # where it ends
+    parent: 'Family | None'  # the family from which it branches
+    numbers: list[int] = dataclasses.field(default_factory=list)  # of attractors seen on it
 
-    orbits: list[Orbit]
-    turns: list[Turn]
-    parent: int
-    numbers: list[int] = dataclasses.field(default_factory=list)
+    @property
+    def number(self) -> int:
+        """Return the number of the attractor seen on it most often, or on its parent."""
+        if self.parent and not self.numbers:
+            return self.parent.number
+        return max(sorted(set(self.numbers)), key=self.numbers.count)
 
     def holds(self, orbit: Orbit) -> bool:
         """Whether an orbit belongs to it."""
@@ -109,207 +114,172 @@ class Family:
         return here is not None and same_orbit(here, orbit, SAME)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Run:
-    # Columns and slots without a gap in which an attractor is chaotic, and the alphas to which it
-    # is followed: where it is seen next, or the ends of the window.
-    number: int
-    cells: list[tuple[int, int]]
-    low: float
-    high: float
+# Column and slot of an attractor in a diagram.
+Cell: TypeAlias = tuple[int, int]
 
 
-def events_of(diagram: Diagram, store: Store, tolerance: float, hold: int,
-              searched: Callable[[int], None] = lambda count: None) -> list[Event]:
+class Search:
     """
-    Locate where the attractors of a diagram are born, double and end.
+    Locates where the attractors of a diagram are born, double and end.
 
     A periodic one ends where its branch does, so its branch is followed without any
     trajectory; a chaotic one is followed with its own states.
     """
-    ends: list[tuple[int, End]] = []
-    families: list[Family] = []
 
-    def take(n: int, orbit: Orbit | None) -> None:
-        if orbit is None:
-            return
-        home = next((one for one in families if one.holds(orbit)), None)
-        if home is None:
-            home = _family(orbit, (-1.0, 1.0), diagram, -1)
-            _add(home, families, diagram)
-        home.numbers.append(n)
+    def __init__(self, diagram: Diagram, store: Store, tolerance: float, hold: int) -> None:
+        self._diagram, self._tolerance, self._hold = diagram, tolerance, hold
+        self._numbers, self._kinds, self._keys, self._states, self._periods = (
+            store.read_all(name)[diagram.sweeps.index('starts')] for name in (
+                'attractor', 'kind', 'key', 'member_state', 'period_impacts'))
+        self._runs = list(self._runs_of_chaos())
+        self._families: list[Family] = []
+        self._ends: list[tuple[int, End]] = []
+        self._followed: set[Cell] = set()
 
-    def follow_chaos(n: int, herd: Herd | Captor, direction: float, edge: float) -> None:
+    @property
+    def size(self) -> int:
+        """Foresee how many searches it takes."""
+        return int(np.count_nonzero(self._kinds == PERIODIC)) + 2 * FOLLOWING * len(self._runs)
+
+    def events(self, searched: Callable[[int], None]) -> list[Event]:
+        """Find all events, attractor by attractor; `searched` is called with searches made."""
+        for n, cell in self._seen(PERIODIC):
+            orbit = self._orbit_in(cell)
+            if orbit is not None:
+                self._followed.add(cell)
+                self._take(n, orbit)
+            searched(1)
+        for n, cells, low, high in self._runs:
+            for direction, edge in ((-1.0, low), (1.0, high)):
+                # What is called chaotic may be a long transient at the end of the run, or all
+                # along it.
+                for cell in sorted(cells, reverse=direction > 0.0):
+                    if self._follow_chaos(n, self._diagram.at(cell[0]), self._states[cell],
+                                          direction, edge):
+                        self._followed.update(cells)
+                        break
+                searched(FOLLOWING)
+        for family in self._families:
+            n = family.number
+            for parameters, orbit, direction in self._cascades(family, n):
+                state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
+                self._follow_chaos(n, parameters, state, direction,
+                                   self._diagram.alphas[int(direction > 0.0)])
+        events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor)
+                  for n, end in self._ends]
+        events += self._not_located()
+        for family in self._families:
+            for turn in family.turns:
+                event = Event(family.number, turn.change.value, turn.alpha, turn.uncertainty,
+                              turn.orbit)
+                if not any(_same_change(event, known) for known in events):
+                    events.append(event)
+        return sorted(events, key=lambda event: (event.attractor, event.alpha))
+
+    def _take(self, n: int, orbit: Orbit) -> None:
+        home = next((one for one in self._families if one.holds(orbit)), None)
+        (home or self._grow(orbit, (-1.0, 1.0))).numbers.append(n)
+
+    def _follow_chaos(self, n: int, parameters: Parameters, state: FloatArray, direction: float,
+                      edge: float) -> bool:
+        # Whether it is chaos.
+        herd = watch(parameters, spread_out(parameters, state), self._hold)
         if not isinstance(herd, Herd):
-            return
-        width = (diagram.alphas[1] - diagram.alphas[0]) / (diagram.columns - 1)
-        end = find_end(herd, direction, width, edge, tolerance, hold)
-        if end is None:
-            return
-        if end.kind == 'orbit':
-            take(n, end.captor if isinstance(end.captor, Orbit) else None)
-        elif not any(_same_end(end, known) for _, known in ends):
-            ends.append((n, end))
+            return False
+        low, high = self._diagram.alphas
+        end = find_end(herd, direction, (high - low) / (self._diagram.columns - 1), edge,
+                       self._tolerance, self._hold)
+        if end and end.kind == 'orbit' and isinstance(end.captor, Orbit):
+            self._take(n, end.captor)
+        elif end and not any(_same_end(end, known) for _, known in self._ends):
+            self._ends.append((n, end))
+        return True
 
-    followed: set[tuple[int, int]] = set()
-    for n, column, slot in _seen(diagram, store, PERIODIC):
-        orbit = orbit_in(diagram, store, column, slot)
-        if orbit is not None:
-            followed.add((column, slot))
-            take(n, orbit)
-        searched(1)
-    for run in _runs(diagram, store):
-        for direction, edge in ((-1.0, run.low), (1.0, run.high)):
-            herd = _herd_of(diagram, store, run.cells, direction, hold)
-            if herd is not None:
-                followed.update(run.cells)
-            follow_chaos(run.number, herd, direction, edge)
-            searched(FOLLOWING)
-    for family in families:
-        n = _number(family, families)
-        for orbit, direction in _cascades(family, families, diagram, store, n):
-            state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
-            parameters = orbit.parameters
-            follow_chaos(n, watch(parameters, spread_out(parameters, state), hold), direction,
-                         diagram.alphas[int(direction > 0.0)])
-    events = [Event(n, end.kind, end.alpha, end.uncertainty,
-                    *((end.captor, '') if isinstance(end.captor, Orbit) else
-                      (None, end.captor or ''))) for n, end in ends]
-    events += _not_located(diagram, store, followed)
-    for family in families:
-        n = _number(family, families)
+    def _orbit_in(self, cell: Cell) -> Orbit | None:
+        parameters = self._diagram.at(cell[0])
+        (row,), _ = record_impacts(make_initial_conditions(
+            parameters, *self._states[cell][:, None]), 0, int(self._periods[cell]))
+        orbit = close_orbit(np.signbit(row['velocity']).astype(np.int64),
+                            np.stack([row['phase'], row['velocity']], axis=1), parameters)
+        return orbit if orbit is not None and orbit.is_stable else None
+
+    def _seen(self, kind: int) -> Iterator[tuple[int, Cell]]:
+        # The number and the cell of every attractor of a kind.
+        for column, slot in np.argwhere(self._kinds == kind).tolist():
+            yield int(self._numbers[column, slot]), (column, slot)
+
+    def _runs_of_chaos(self) -> Iterator[tuple[int, list[Cell], float, float]]:
+        # The number and the cells without a gap in which an attractor is chaotic, and the alphas
+        # to which it is followed: where it is seen next, or the ends of the window.
+        chaos: dict[int, list[Cell]] = {}
+        for n, cell in self._seen(CHAOTIC):
+            chaos.setdefault(n, []).append(cell)
+        alphas = self._diagram.values
+        for n, cells in chaos.items():
+            # What is not seen in a column may have ended before it.
+            breaks = [0, *(i for i in range(1, len(cells)) if cells[i][0] > cells[i - 1][0] + 1),
+                      len(cells)]
+            for first, after in itertools.pairwise(breaks):
+                yield (n, cells[first:after],
+                       float(alphas[cells[first - 1][0] if first else 0]),
+                       float(alphas[cells[after][0] if after < len(cells) else -1]))
+
+    def _not_located(self) -> Iterator[Event]:
+        # The ends of what could not be followed are known by the columns alone.
+        for n in range(int(self._numbers.max()) + 1):
+            cells = np.argwhere(self._numbers == n).tolist()
+            for (column, slot), beyond in ((cells[0], -1), (cells[-1], 1)):
+                if ((column, slot) not in self._followed
+                        and 0 <= column + beyond < self._diagram.columns):
+                    seen, missed = self._diagram.values[[column, column + beyond]].tolist()
+                    yield Event(n, 'not located', 0.5 * (seen + missed), 0.5 * abs(seen - missed),
+                                str(self._keys[column, slot]))
+
+    def _grow(self, orbit: Orbit, directions: tuple[float, ...], parent: Family | None = None,
+              depth: int = 0) -> Family:
+        # A family, with those that branch from it, one from another, inside the window.
+        low, high = self._diagram.alphas
+        family = Family([orbit], [], parent)
+        for direction in directions:
+            branch = follow(orbit, direction, max(0.0, low - OUTSIDE), high + OUTSIDE,
+                            to_first_turn=True)
+            family.orbits += [one for one in branch.orbits[1:] if one.is_stable]
+            family.turns += branch.turns
+        # The last step may have gone round a fold.
+        family.orbits.sort(key=lambda one: one.parameters.alpha)
+        self._families.append(family)
         for turn in family.turns:
-            event = Event(n, turn.change.value, turn.alpha, turn.uncertainty, turn.orbit)
-            if not any(_same_change(event, known) for known in events):
-                events.append(event)
-    return sorted(events, key=lambda event: (event.attractor, event.alpha))
+            if (turn.change not in (Change.DOUBLING, Change.PITCHFORK) or depth == DOUBLINGS
+                    or not low <= turn.alpha <= high or 2 * turn.orbit.impacts > LONGEST):
+                continue
+            beside = [close_orbit(turn.orbit.walls, turn.orbit.points, dataclasses.replace(
+                turn.orbit.parameters, alpha=turn.alpha + step))
+                for step in (-BESIDE, BESIDE) if turn.alpha >= BESIDE]
+            for one in (*leaving(turn), *beside):
+                if (one is not None and one.is_stable
+                        and not any(known.holds(one) for known in self._families)):
+                    # Back at the change there is nothing new.
+                    away = math.copysign(1.0, one.parameters.alpha - turn.alpha)
+                    self._grow(one, (away,), family, depth + 1)
+        return family
 
-
-def searches_of(diagram: Diagram, store: Store) -> int:
-    """Foresee how many searches `events_of` takes."""
-    return (sum(1 for _ in _seen(diagram, store, PERIODIC))
-            + 2 * FOLLOWING * sum(1 for _ in _runs(diagram, store)))
-
-
-def orbit_in(diagram: Diagram, store: Store, column: int, slot: int) -> Orbit | None:
-    """Take a periodic attractor from a store."""
-    parameters = diagram.at(column)
-    state = _read(diagram, store, 'member_state')[column, slot]
-    period = int(_read(diagram, store, 'period_impacts')[column, slot])
-    rows, _ = record_impacts(make_initial_conditions(parameters, *state[:, None]), 0, period)
-    walls = np.signbit(rows[0]['velocity']).astype(np.int64)
-    points = np.stack([rows[0]['phase'], rows[0]['velocity']], axis=1)
-    orbit = close_orbit(walls, points, parameters)
-    return orbit if orbit is not None and orbit.is_stable else None
-
-
-def _read(diagram: Diagram, store: Store, name: str) -> npt.NDArray[Any]:
-    return np.asarray(store.read_all(name)[diagram.sweeps.index('starts')])
-
-
-def _seen(diagram: Diagram, store: Store, kind: int) -> Iterator[tuple[int, int, int]]:
-    # Number, column and slot of every attractor of a kind.
-    numbers = _read(diagram, store, 'attractor')
-    for column, slot in np.argwhere(_read(diagram, store, 'kind') == kind):
-        yield int(numbers[column, slot]), int(column), int(slot)
-
-
-def _runs(diagram: Diagram, store: Store) -> Iterator[_Run]:
-    chaos: dict[int, list[tuple[int, int]]] = {}
-    for n, column, slot in _seen(diagram, store, CHAOTIC):
-        chaos.setdefault(n, []).append((column, slot))
-    for n, cells in chaos.items():
-        # What is not seen in a column may have ended before it.
-        breaks = [0, *(i for i in range(1, len(cells)) if cells[i][0] > cells[i - 1][0] + 1),
-                  len(cells)]
-        for first, after in itertools.pairwise(breaks):
-            yield _Run(n, cells[first:after],
-                       float(diagram.values[cells[first - 1][0] if first else 0]),
-                       float(diagram.values[cells[after][0] if after < len(cells) else -1]))
-
-
-def _not_located(diagram: Diagram, store: Store,
-                 followed: set[tuple[int, int]]) -> Iterator[Event]:
-    # The ends of what could not be followed are known by the columns alone.
-    numbers, keys = (_read(diagram, store, name) for name in ('attractor', 'key'))
-    for n in range(int(numbers.max()) + 1):
-        cells = np.argwhere(numbers == n).tolist()
-        for (column, slot), beyond in ((cells[0], -1), (cells[-1], 1)):
-            if (column, slot) not in followed and 0 <= column + beyond < diagram.columns:
-                seen, missed = diagram.values[[column, column + beyond]]
-                yield Event(n, 'not located', float(0.5 * (seen + missed)),
-                            float(0.5 * abs(seen - missed)), None, str(keys[column, slot]))
-
-
-def _family(orbit: Orbit, directions: tuple[float, ...], diagram: Diagram, parent: int) -> Family:
-    low, high = max(0.0, diagram.alphas[0] - OUTSIDE), diagram.alphas[1] + OUTSIDE
-    orbits, turns = [orbit], list[Turn]()
-    for direction in directions:
-        branch = follow(orbit, direction, low, high, to_first_turn=True)
-        orbits += [one for one in branch.orbits[1:] if one.is_stable]
-        turns += branch.turns
-    # The last step may have gone round a fold.
-    orbits.sort(key=lambda one: one.parameters.alpha)
-    return Family(orbits, turns, parent)
-
-
-def _add(family: Family, families: list[Family], diagram: Diagram, depth: int = 0) -> None:
-    # With the families that branch from it, one from another, inside the window.
-    families.append(family)
-    number = len(families) - 1
-    for turn in family.turns:
-        if (turn.change not in (Change.DOUBLING, Change.PITCHFORK) or depth == DOUBLINGS
-                or not diagram.alphas[0] <= turn.alpha <= diagram.alphas[1]
-                or 2 * turn.orbit.impacts > LONGEST):
-            continue
-        there = turn.orbit.parameters
-        beside = [close_orbit(turn.orbit.walls, turn.orbit.points,
-                              dataclasses.replace(there, alpha=turn.alpha + step))
-                  for step in (-BESIDE, BESIDE) if turn.alpha >= BESIDE]
-        for orbit in (*leaving(turn), *beside):
-            if (orbit is not None and orbit.is_stable
-                    and not any(one.holds(orbit) for one in families)):
-                # Back at the change there is nothing new.
-                away = math.copysign(1.0, orbit.parameters.alpha - turn.alpha)
-                _add(_family(orbit, (away,), diagram, number), families, diagram, depth + 1)
-
-
-def _number(family: Family, families: list[Family]) -> int:
-    # Of the attractor seen on it most often, or on the one from which it branches.
-    while not family.numbers:
-        family = families[family.parent]
-    return max(sorted(set(family.numbers)), key=family.numbers.count)
-
-
-def _herd_of(diagram: Diagram, store: Store, cells: list[tuple[int, int]], direction: float,
-             hold: int) -> Herd | None:
-    states = _read(diagram, store, 'member_state')
-    # What is called chaotic may be a long transient at the end of the run, or all along it.
-    for cell in sorted(cells, reverse=direction > 0.0):
-        parameters = diagram.at(cell[0])
-        herd = watch(parameters, spread_out(parameters, states[cell]), hold)
-        if isinstance(herd, Herd):
-            return herd
-    return None
-
-
-def _cascades(family: Family, families: list[Family], diagram: Diagram, store: Store,
-              n: int) -> Iterator[tuple[Orbit, float]]:
-    # Where doublings lead to chaos that no column shows: just beyond, and the direction.
-    ends = [orbit.parameters.alpha for orbit in (family.orbits[0], family.orbits[-1])]
-    seen = diagram.values[(_read(diagram, store, 'attractor') == n).any(axis=1)]
-    for turn in family.turns:
-        # The doublings that follow crowd within a third of the way from the one before.
-        gap = turn.alpha - max(ends, key=lambda alpha: abs(turn.alpha - alpha))
-        direction, beyond = math.copysign(1.0, gap), turn.alpha + 0.5 * gap
-        if (turn.change is Change.DOUBLING and turn.orbit.impacts == family.orbits[0].impacts
-                and diagram.alphas[0] < beyond < diagram.alphas[1]
-                and not np.any(direction * seen > direction * turn.alpha)
-                and not any(families[one.parent] is family
-                            and one.orbits[0].impacts > turn.orbit.impacts
-                            for one in families if one.parent >= 0)):
-            yield dataclasses.replace(turn.orbit, parameters=dataclasses.replace(
-                turn.orbit.parameters, alpha=beyond)), direction
+    def _cascades(self, family: Family, n: int) -> Iterator[tuple[Parameters, Orbit, float]]:
+        # Where doublings lead to chaos that no column shows: just beyond, and the direction.
+        ends = [orbit.parameters.alpha for orbit in (family.orbits[0], family.orbits[-1])]
+        seen = self._diagram.values[(self._numbers == n).any(axis=1)]
+        low, high = self._diagram.alphas
+        for turn in family.turns:
+            # The doublings that follow crowd within a third of the way from the one before.
+            gap = turn.alpha - max(ends, key=lambda alpha: abs(turn.alpha - alpha))
+            direction, beyond = math.copysign(1.0, gap), turn.alpha + 0.5 * gap
+            if (turn.change is Change.DOUBLING and turn.orbit.impacts == family.orbits[0].impacts
+                    and low < beyond < high
+                    and not np.any(direction * seen > direction * turn.alpha)
+                    and not any(one.parent is family
+                                and one.orbits[0].impacts > turn.orbit.impacts
+                                for one in self._families)):
+                yield (dataclasses.replace(turn.orbit.parameters, alpha=beyond), turn.orbit,
+                       direction)
 
 
 def _same_end(a: End, b: End) -> bool:

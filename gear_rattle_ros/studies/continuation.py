@@ -4,7 +4,7 @@ from typing import Final, Unpack
 
 import numpy as np
 
-from .bifurcations import Event, events_of, HEADING, searches_of
+from .bifurcations import Event, HEADING, Search
 from .diagram import Diagram
 from .orbit_diagram import compute
 from .work import Arrays, Study, Work, WorkOptions
@@ -54,8 +54,9 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
                       Window(keep, bins=BINS, hold=hold), ('starts',))
     store = compute(diagram, work, NAME)
-    with work.report('continuation, searches for events', searches_of(diagram, store)) as progress:
-        events = events_of(diagram, store, tolerance, hold, progress.add)
+    search = Search(diagram, store, tolerance, hold)
+    with work.report('continuation, searches for events', search.size) as progress:
+        events = search.events(progress.add)
     write_events(store, events)
     return store
 

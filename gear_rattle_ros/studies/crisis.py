@@ -66,7 +66,7 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
     parameters = dataclasses.replace(parameters, alpha=high)
     boundary = find_boundary(parameters, low, seed)
     with work.report('crisis, searches of the manifold', SEARCHES) as progress:
-        tangency = find_tangency(boundary, low, high, lambda *_: progress.add(1))
+        tangency = find_tangency(boundary, low, high, progress.add)
     places = amplitudes(tangency, *beyond, rates)
     boundaries = [boundary.at(alpha) for alpha in places]
     store = compute(Escapes(

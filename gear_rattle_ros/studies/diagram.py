@@ -11,7 +11,7 @@ from .attractors import identity_of, require_window
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, Window
 from ..attractors.listing import named
-from ..attractors.plane import Plane
+from ..attractors.plane import Plane, STATE
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
@@ -27,8 +27,9 @@ KINDS: Final = tuple(kind.value for kind in Kind)
 KEY: Final = '<U48'
 # Impacts of each attractor that are kept, to know it again at the next alpha.
 POINTS: Final = 64
-EXPONENTS: Final = ('exponent', 'exponent_error', 'exact_sum')
-STATE: Final = ('phase', 'displacement', 'velocity')
+# What stands where there is no attractor; nan in every other array.
+NOTHING: Final = {'count': 0, 'key': '', 'share': 0.0, 'kind': -1, 'period_impacts': 0,
+                  'period_drive': 0}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,17 +37,15 @@ class Diagram:
     """
     What an orbit diagram is made of.
 
-    `columns` amplitudes are equally spaced between the two `alphas` [1], both included, whatever
-    the alpha of `parameters`. Each has `trajectories` initial conditions, drawn from `plane` with
-    `seed`; the sweeps up and down, which go on from the neighbouring column, follow at most
-    `LANES`.
+    The sweeps up and down, which go on from the neighbouring column, follow at most `LANES`
+    trajectories.
     """
 
     parameters: Parameters
-    alphas: tuple[float, float]
-    columns: int
-    plane: Plane
-    trajectories: int
+    alphas: tuple[float, float]  # ends of the window [1], whatever the alpha of `parameters`
+    columns: int  # amplitudes, equally spaced, both ends included
+    plane: Plane  # from which initial conditions are drawn
+    trajectories: int  # at each amplitude
     seed: int
     window: Window
     sweeps: tuple[str, ...] = SWEEPS
@@ -120,14 +119,11 @@ def layout_of(diagram: Diagram) -> Layout:
 
 def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
     """Lay out the attractors of some columns as an array (alpha, slot ...) by variable."""
-    shape = (len(columns), SLOTS)
-    values: dict[str, npt.NDArray[Any]] = {
-        'count': np.zeros((*shape, diagram.window.bins), np.uint32), 'key': np.zeros(shape, KEY),
-        'point': np.full((*shape, POINTS, 3), math.nan, np.float32),
-        'kind': np.full(shape, -1, np.int8), 'share': np.zeros(shape),
-        'member_state': np.full((*shape, len(STATE)), math.nan),
-        **{name: np.zeros(shape, np.int32) for name in ('period_impacts', 'period_drive')},
-        **{name: np.full(shape, math.nan) for name in EXPONENTS}}
+    layout = layout_of(diagram)
+    sizes = {axis.name: len(axis.values) for axis in layout.axes} | {'alpha': len(columns)}
+    values = {each.name: np.full([sizes[name] for name in each.dimensions[1:]],
+                                 NOTHING.get(each.name, math.nan), each.dtype)
+              for each in layout.variables}
     for c, found in enumerate(columns):
         for k, one in enumerate(found):
             slot = c, min(k, SLOTS - 1)
@@ -139,7 +135,7 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             points = one.attractor.points(POINTS)[:POINTS]
             values['point'][slot][:len(points)] = points
             values['kind'][slot] = KINDS.index(one.attractor.kind.value)
-            for name in EXPONENTS:
+            for name in ('exponent', 'exponent_error', 'exact_sum'):
                 values[name][slot] = getattr(one, name)
             orbit = one.attractor.orbit
             if orbit:

@@ -53,17 +53,12 @@ EXPONENT: Final = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class Herd:
-    """
-    Trajectories that are on a chaotic attractor.
-
-    `parameters`: the parameters; `states`: where they are; `region`: where their impacts were,
-    with all neighbours: wall, speed, phase; `speed`: greatest speed of the boxes [1].
-    """
+    """Trajectories that are on a chaotic attractor."""
 
     parameters: Parameters
-    states: RecordArray
-    region: npt.NDArray[np.bool_]
-    speed: float
+    states: RecordArray  # where they are
+    region: npt.NDArray[np.bool_]  # where impacts were, with neighbours: (wall, speed, phase)
+    speed: float  # greatest speed of the boxes [1]
 
     def strays(self, phases: FloatArray, velocities: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether each row of impacts lies mostly outside the region."""
@@ -84,16 +79,14 @@ class End:
 
     `kind`: window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
     interior crisis: they come back to it now and then; orbit: it is no end, but goes on as an
-    orbit whose doublings lead up to it; `alpha`, `uncertainty`: where, and how far off that can be
-    [1]; `captor`: what its trajectories settle on: of a window where it is born, else beyond;
-    `last`: the last that did not escape.
+    orbit whose doublings lead up to it.
     """
 
     kind: str
     alpha: float
-    uncertainty: float
-    captor: Captor
-    last: Herd
+    uncertainty: float  # how far off alpha can be [1]
+    captor: Captor  # what trajectories settle on: of a window where it is born, else beyond
+    last: Herd  # that did not escape
 
 
 def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
@@ -141,17 +134,22 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
     `tolerance` the shortest. An attractor lasts where `LANES` trajectories stay for `hold`
     impacts. None where it does not end.
     """
-    low, step, stayed = herd.parameters.alpha, width, 0
+    step, stayed = width, 0
     captor: Captor = None
     turn = None
+
+    def go_to(alpha: float) -> Herd | Captor:
+        return watch(_at(herd, alpha), herd.states, hold, herd)
+
     while step >= tolerance:
+        low = herd.parameters.alpha
         left = direction * (edge - low)
         if left < tolerance:
             return None
         alpha = low + direction * min(step, left)
-        trial = watch(_at(herd, alpha), herd.states, hold, herd)
+        trial = go_to(alpha)
         if isinstance(trial, Herd):
-            herd, low, stayed = trial, alpha, stayed + 1
+            herd, stayed = trial, stayed + 1
             # Once is what a bisection does; twice, the step had failed for its length alone.
             step = min(width, 2.0 * step) if stayed > 1 else step
             continue
@@ -164,35 +162,28 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                 return End('orbit', alpha, 0.0, captor, herd)
             if abs(math.remainder(alpha - edge, width)) < 1e-6 * width:
                 # A column shows it.
-                before = watch(_at(herd, turn.alpha - direction * tolerance), herd.states, hold,
-                               herd)
+                before = go_to(turn.alpha - direction * tolerance)
                 if isinstance(before, Herd):
-                    herd, low = before, before.parameters.alpha
-                    after = watch(_at(herd, turn.alpha + direction * tolerance), herd.states,
-                                  hold, herd)
+                    herd = before
+                    after = go_to(turn.alpha + direction * tolerance)
                     if isinstance(after, Herd):
-                        herd, low = after, after.parameters.alpha
+                        herd = after
                         continue
                     if isinstance(after, Orbit):
-                        return _window(turn, herd)
+                        break
             else:
                 # A window narrower than a column is no end: chaos is back on its other side, or at
                 # the next column.
                 column = edge - direction * width * (
                     math.ceil(direction * (edge - low) / width - 1e-6) - 1)
-                far = direction * min(direction * _far_side(captor, turn, direction),
-                                      direction * column)
-                beyond = watch(_at(herd, far), herd.states, hold, herd)
+                beyond = go_to(direction * min(direction * _far_side(captor, turn, direction),
+                                               direction * column))
                 if isinstance(beyond, Herd):
-                    herd, low, turn = beyond, far, None
+                    herd = beyond
                     continue
         step *= 0.5
-    return _crisis(herd, low, direction, step, captor, hold, width) if turn is None else _window(
-        turn, herd)
-
-
-def _window(turn: Turn, herd: Herd) -> End:
-    return End('window', turn.alpha, turn.uncertainty, turn.orbit, herd)
+    return _crisis(herd, direction, step, captor, hold, width) if turn is None else End(
+        'window', turn.alpha, turn.uncertainty, turn.orbit, herd)
 
 
 def _far_side(captor: Orbit, turn: Turn, direction: float) -> float:
@@ -211,10 +202,10 @@ def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | Non
     return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
 
 
-def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Captor,
-            hold: int, width: float) -> End:
+def _crisis(herd: Herd, direction: float, step: float, captor: Captor, hold: int, width: float
+            ) -> End:
     # Long lifetimes hide the place itself; the law by which they shorten beyond it gives it.
-    high = 2.0 * step
+    low, high = herd.parameters.alpha, 2.0 * step
     shortest = max(SHORTEST * hold, 2.0 * ROUND)
 
     def rate(distance: float, wanted: int) -> EscapeRate:
@@ -226,11 +217,14 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Capto
         distance *= 2.0
     kind = 'interior crisis' if captor is None and returns(
         _at(herd, low + direction * distance), herd, hold) else 'crisis'
-    measured: list[tuple[float, EscapeRate]] = []
-    while distance >= high and (not measured or measured[-1][1].mean < SPAN * shortest):
-        measured.append((distance, rate(distance, ESCAPES)))
+    seen: list[tuple[float, EscapeRate]] = []
+    mean = 0.0
+    while distance >= high and mean < SPAN * shortest:
+        timed = rate(distance, ESCAPES)
+        mean = timed.mean
+        if timed.escapes >= ROUNDS:
+            seen.append((distance, timed))
         distance /= FACTOR
-    seen = [(d, k) for d, k in measured if k.escapes >= ROUNDS]
     # At the last place none of all trajectories escaped, so the crisis is not far before it.
     hidden = width
     for d, k in seen:
@@ -239,7 +233,7 @@ def _crisis(herd: Herd, low: float, direction: float, step: float, captor: Capto
             hidden = min(hidden, d * share / (1.0 - share))
     beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
     if len(seen) >= FITTED:
-        law = fit_law([d for d, _ in seen], [k.rate for _, k in seen], [k.error for _, k in seen])
+        law = fit_law(*zip(*((d, k.rate, k.error) for d, k in seen), strict=True))
         if law.alpha_c_error < uncertainty:
             beyond = min(max(law.alpha_c, -hidden), high)
             uncertainty = max(law.alpha_c_error, step, abs(law.alpha_c - beyond))

@@ -18,19 +18,14 @@ FITTED: Final = 2 * QUARTERS
 
 @dataclasses.dataclass(frozen=True)
 class LifetimeLaw:
-    """
-    The law ``rate = C (alpha - alpha_c)^exponent``, fitted, with standard errors [1].
-
-    The mean lifetime goes as ``(alpha - alpha_c)^-exponent``; `scale` is C, and `chi_square` that
-    of the fit per degree of freedom.
-    """
+    """The law ``rate = scale (alpha - alpha_c)^exponent``, fitted, with standard errors [1]."""
 
     alpha_c: float
     alpha_c_error: float
     exponent: float
     exponent_error: float
     scale: float
-    chi_square: float
+    chi_square: float  # per degree of freedom
 
 
 def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) -> LifetimeLaw:
@@ -43,9 +38,8 @@ def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
     and the place is never claimed to be known better than by the distance of the nearest
     amplitude.
     """
-    a, k, e = (np.asarray(x, np.float64) for x in (alphas, rates, errors))
-    order = np.argsort(a)
-    a, k, e = a[order], k[order], e[order]
+    given = np.array([alphas, rates, errors], np.float64)
+    a, k, e = given[:, np.argsort(given[0])]
     if len(a) < 4 or not np.all(k > 0.0):
         raise ValueError(f'{np.count_nonzero(k > 0.0)} escape rates are not enough for a law with '
                          'three constants; take more amplitudes or more trajectories')

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,6 @@ from ..store.store import Store
 
 # A trajectory that has settled on another stable orbit will never escape and does not count.
 ELSEWHERE: Final = 2
-IntArray: TypeAlias = npt.NDArray[np.signedinteger]
 # Impacts for which a survivor is followed.
 SURVIVED_LOOK: Final = 1000
 # Independent parts in which the escapes at an amplitude are counted, a tile each.
@@ -43,34 +42,31 @@ class Escapes:
     """
     Trajectories whose escape is timed.
 
-    At each of the `alphas` [1], `wanted` escapes are shared among `PARTS`; the first alpha lies
-    before the crisis, to see that nothing escapes. The initial conditions, drawn from `plane`, are
-    the same at each. A trajectory is captured within `radius` of the `points` (phase, velocity) of
-    the captor at its alpha [rad, 1]. Escapes within `skip` impacts do not count: the
-    initial condition lay in the basin. After `limit` impacts, at the first alpha `limit_before`, a
-    trajectory is given up.
+    The first alpha lies before the crisis, to see that nothing escapes. The initial conditions,
+    drawn from `plane`, are the same at each. Escapes within `skip` impacts do not count: the
+    initial condition lay in the basin.
     """
 
     alphas: tuple[float, ...]
     parameters: Parameters
     plane: Plane
-    wanted: int
+    wanted: int  # escapes at each alpha, shared among `PARTS`
     seed: int
     skip: int
-    limit: int
-    limit_before: int
-    points: tuple[FloatArray, ...]
-    radius: float
-
-    @property
-    def trajectories(self) -> int:
-        """Count the trajectories of a part: all lanes are in use to the last escape."""
-        return 2 * self.wanted_of_part + LANES
+    limit: int  # impacts after which a trajectory is given up
+    limit_before: int  # the same, at the first alpha
+    points: tuple[FloatArray, ...]  # of the captor at each alpha (phase, velocity)
+    radius: float  # a trajectory is captured within this of them [rad, 1]
 
     @property
     def wanted_of_part(self) -> int:
         """Escapes of a part."""
         return -(-self.wanted // PARTS)
+
+    @property
+    def trajectories(self) -> int:
+        """Count the trajectories of a part: all lanes are in use to the last escape."""
+        return 2 * self.wanted_of_part + LANES
 
 
 def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
@@ -107,7 +103,7 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
     initial = escapes.plane.draw(parameters, escapes.trajectories,
                                  escapes.seed * 1_000_003 + part)
-    lifetimes, fates = np.zeros(len(initial), np.int64), np.zeros(len(initial), np.int64)
+    lifetimes, fates = np.zeros((2, len(initial)), np.int64)
     ends = np.zeros((len(initial), 3))
     last_until_captured(
         new_tiles(1)[0], new_impacts(STEPS), initial, escapes.points[k], escapes.radius,
@@ -115,8 +111,7 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
         lifetimes, fates, ends)
     survivors = np.flatnonzero(fates == SURVIVED)
     if len(survivors):
-        states = ends[survivors]
-        again = make_initial_conditions(parameters, states[:, 0], states[:, 1], states[:, 2])
+        again = make_initial_conditions(parameters, *ends[survivors].T)
         settled = find_attractors(parameters, again, hold=SURVIVED_LOOK, chaotic=False).labels
         fates[survivors[settled >= 0]] = ELSEWHERE
     Store(output).write(tile, {'lifetime': lifetimes[None, None],
@@ -124,13 +119,11 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     return int(lifetimes.sum())
 
 
-def rates_of(lifetimes_of: IntArray, fates_of: IntArray, skip: int) -> list[EscapeRate]:
+def rates_of(lifetimes: npt.NDArray[Any], fates: npt.NDArray[Any], skip: int) -> list[EscapeRate]:
     """Estimate the escape rate at each alpha, from what is stored there."""
-    rates = []
-    for lifetimes, fates in zip(lifetimes_of, fates_of, strict=True):
-        counted = (fates == CAPTURED) | (fates == SURVIVED)
-        rates.append(escape_rate(lifetimes[counted], fates[counted] != CAPTURED, skip))
-    return rates
+    return [escape_rate(life[counted], fate[counted] != CAPTURED, skip)
+            for life, fate, counted in zip(
+                lifetimes, fates, np.isin(fates, (CAPTURED, SURVIVED)), strict=True)]
 
 
 def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:

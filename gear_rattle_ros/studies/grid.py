@@ -29,16 +29,6 @@ SHORTEST: Final = 50
 LONGEST: Final = 500
 
 
-@dataclasses.dataclass(frozen=True)
-class Job:
-    """What a worker has to know to compute any tile; `cap` as `grid_layout` takes it."""
-
-    path: Path
-    plane: Plane
-    cap: int
-    catalogue: Catalogue
-
-
 def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
                 tile: int | None = None) -> Layout:
     """Lay out a grid of labels and lifetimes; the result does not depend on the `tile`."""
@@ -62,26 +52,26 @@ def axes_of(plane: Plane, edge: int) -> tuple[Axis, Axis]:
             Axis('phase', plane.phase_values(), named('initial drive phase', 'rad'), edge))
 
 
-def fill_tile(job: Job, tile: int) -> tuple[int, tuple[Orbit, ...]]:
+def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
+              ) -> tuple[int, tuple[Orbit, ...]]:
     """
     Compute and store a tile; what is unsettled once more, where late orbits are known.
 
     Returns the impacts made, and stable orbits that the catalogue did not know.
     """
-    store, known = Store(job.path), job.catalogue
-    part = store.tiles[tile]
-    shape = _shape(store, tile)
-    level = Level(job.plane.cells(known.parameters, part['velocity'], part['phase']), shape,
-                  job.cap, slice_impacts=math.inf)
+    store = Store(path)
+    part, shape = store.tiles[tile], _shape(store, tile)
+    level = Level(plane.cells(known.parameters, part['velocity'], part['phase']), shape, cap,
+                  slice_impacts=math.inf)
     # As it stays where areas are kept.
     grids = {name: np.full(shape, value, RESULT[name]) for name, value in zip(
-        GRIDS, (UNSETTLED, job.cap, EMPTY, math.nan), strict=True)}
+        GRIDS, (UNSETTLED, cap, EMPTY, math.nan), strict=True)}
     if known.late:
         grids = {name: store.read(tile, name) for name in GRIDS}
         level.left = level.due = np.flatnonzero(grids['label'] == UNSETTLED)
         if not len(level.left):
             return 0, ()
-    followed, found = level.follow(job.cap, known.table, threads=1)
+    followed, found = level.follow(cap, known.table, threads=1)
     for name, grid in grids.items():
         np.put(grid, followed, found[name])
     store.write(tile, grids)
@@ -94,12 +84,9 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
     """Compute the tiles that are pending; add orbits that no random initial condition reached."""
     known = catalogue.with_orbits(tuple(_orbits_from(
         store.attributes.get(LATE, '[]'), catalogue.parameters)))
-    job = Job(store.path, plane, cap, catalogue)
-
-    def cells(tile: int) -> int:
-        return math.prod(_shape(store, tile))
-
-    with work.pending(name, store, cells) as (pending, finished):
+    fill = functools.partial(fill_tile, store.path, plane, cap)
+    with work.pending(name, store, lambda tile: math.prod(_shape(store, tile))) as (
+            pending, finished):
         def filled(tile: int, done: tuple[int, tuple[Orbit, ...]]) -> None:
             nonlocal known
             impacts, orbits = done
@@ -109,21 +96,19 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
                 store.set_attributes({LATE: _text_of(known.late)})
             finished(tile, impacts)
 
-        work.run(functools.partial(fill_tile, job), pending, filled)
+        work.run(functools.partial(fill, catalogue), pending, filled)
         if known.late:
             # In the order of their keys: tiles end in any order.
             known = dataclasses.replace(known, late=tuple(
                 sorted(known.late, key=lambda orbit: orbit.key)))
-            job = dataclasses.replace(job, catalogue=known)
-            work.run(functools.partial(fill_tile, job), list(range(len(store.tiles))),
+            work.run(functools.partial(fill, known), list(range(len(store.tiles))),
                      lambda tile, done: store.mark(tile))
     return known
 
 
 def _shape(store: Store, tile: int) -> tuple[int, int]:
-    part = store.tiles[tile]
-    return (part['velocity'].stop - part['velocity'].start,
-            part['phase'].stop - part['phase'].start)
+    velocity, phase = (each.stop - each.start for each in store.tiles[tile].values())
+    return velocity, phase
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:
@@ -143,6 +128,6 @@ def _orbits_from(text: str, parameters: Parameters) -> list[Orbit]:
         parameters, np.array(each['walls'], np.int64), np.array(each['points']),
         np.array(each['flight_times']), each['drive_periods'],
         np.array(each['multipliers'], np.float64).ravel().view(np.complex128), each['sticks'],
-        None if each['forms'] is None else np.array(
-            [[math.inf if value is None else value for value in form] for form in each['forms']]),
+        None if each['forms'] is None else np.nan_to_num(
+            np.array(each['forms'], np.float64), nan=math.inf, posinf=math.inf),
     ) for each in json.loads(text)]

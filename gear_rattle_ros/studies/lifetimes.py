@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 import dataclasses
 import math
-from typing import Any, Final, TypeAlias, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import follow_here
 from ..attractors.listing import named
 from ..attractors.plane import Plane
-from ..core.arrays import FloatArray
+from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import (
     LIFETIMES_CAP,
     LIFETIMES_HOLD,
@@ -38,8 +38,6 @@ BINS: Final = 200
 # Caps for which trajectories that many initial conditions share are followed.
 FAR: Final = 20
 
-IntArray: TypeAlias = npt.NDArray[np.int64]
-
 
 @dataclasses.dataclass(frozen=True)
 class Merged:
@@ -47,22 +45,17 @@ class Merged:
     Initial conditions from which the driven gear sticks; many go on as one trajectory.
 
     A row stands for all that stick after the same number of impacts and leave at the same phase.
-    `stick`, `after`: impacts until the driven gear sticks, and from there until it settles;
-    `count`, `censored`: initial conditions, and those of them that were given up at the cap;
-    `trajectory`: number of the trajectory that they share; `is_open`: whether that was given up,
-    far beyond the cap, after these impacts.
     """
 
-    stick: IntArray
-    after: IntArray
-    count: IntArray
-    censored: IntArray
-    trajectory: IntArray
-    is_open: npt.NDArray[np.bool_]
+    stick: IntArray  # impacts until the driven gear sticks
+    after: IntArray  # impacts from there until it settles
+    count: IntArray  # initial conditions
+    censored: IntArray  # those of them that were given up at the cap
+    trajectory: IntArray  # number of the trajectory that they share
+    is_open: npt.NDArray[np.bool_]  # whether that was given up, far beyond the cap
 
 
-NOTHING: Final = np.zeros(0, np.int64)
-NONE: Final = Merged(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING > 0)
+NONE: Final = Merged(*np.zeros((6, 0), np.int64))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,29 +63,21 @@ class Escape:
     """
     Escape times of many initial conditions, censored at a cap.
 
-    `cap`: impacts after which an initial condition was given up; `initial_conditions`, `censored`:
-    initial conditions, and those that were given up; `begin`: lifetime from which on the tail is
-    taken to be exponential [impacts]; `in_tail`, `escapes`: those that are independent and live
-    longer than `begin`, and those of them that escape; `merged`, `trajectories`: initial
-    conditions from which the driven gear sticks, and the trajectories that they share; `rate`,
-    `rate_error`: escapes per impact of independent trajectories in the tail, and its standard
-    error; `mean`, `mean_error`: mean lifetime [impacts] and its standard error: as observed up to
-    `begin`, by the exponential tail from there on; inf where nothing escapes. The error is the
-    scatter of the mean when as many initial conditions are drawn at random from the window; the
-    even ones of a grid scatter no more.
+    The standard error of the mean is its scatter when as many initial conditions are drawn at
+    random from the window; the even ones of a grid scatter no more.
     """
 
-    cap: int
+    cap: int  # impacts after which an initial condition was given up
     initial_conditions: int
-    censored: int
-    begin: int
-    in_tail: int
-    escapes: int
-    merged: int
-    trajectories: int
-    rate: float
+    censored: int  # those that were given up
+    begin: int  # lifetime from which on the tail is taken to be exponential [impacts]
+    in_tail: int  # those that are independent and live longer
+    escapes: int  # those of them that escape
+    merged: int  # initial conditions from which the driven gear sticks
+    trajectories: int  # that these share
+    rate: float  # escapes per impact of independent trajectories in the tail
     rate_error: float
-    mean: float
+    mean: float  # lifetime [impacts], by the tail from `begin` on; inf where nothing escapes
     mean_error: float
 
     def describe(self) -> str:
@@ -211,11 +196,11 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
 
 def escape_of(dataset: Arrays) -> Escape:
     """Read the estimate of a dataset."""
-    values: dict[str, Any] = {
-        field.name: float(value) if isinstance(
-            value := dataset.attrs[f'escape_{field.name}'], str) else value
-        for field in dataclasses.fields(Escape)}
-    return Escape(**values)
+    values = {field.name: dataset.attrs[f'escape_{field.name}']
+              for field in dataclasses.fields(Escape)}
+    # JSON has no infinity.
+    return Escape(**values | {name: float(value) for name, value in values.items()
+                              if isinstance(value, str)})
 
 
 def describe(dataset: Arrays) -> str:
@@ -261,9 +246,11 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
         return counts, censored, NONE
     followed = np.zeros(len(first), RESULT)
     follow_here(np.concatenate(list(first.values())), FAR * cap, table, followed)
-    trajectory = np.array([list(first).index(release) for release, _ in rows])
-    numbers = np.array(list(rows.values()))
+    places = {release: place for place, release in enumerate(first)}
+    releases, sticks = zip(*rows, strict=True)
+    trajectory = np.array([places[release] for release in releases])
+    shared = followed[trajectory]
+    count, late = np.array([*rows.values()]).T
     return counts, censored, Merged(
-        np.array([stick for _, stick in rows]),
-        (followed['lifetime'] - followed['stick'])[trajectory], numbers[:, 0], numbers[:, 1],
-        trajectory, (followed['label'] == UNSETTLED)[trajectory])
+        np.array(sticks), shared['lifetime'] - shared['stick'], count, late, trajectory,
+        shared['label'] == UNSETTLED)

@@ -10,12 +10,12 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from .diagram import describe as laid_out, Diagram, KINDS, layout_of, STATE, SWEEPS
+from .diagram import describe as laid_out, Diagram, KINDS, layout_of, SWEEPS
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
 from ..attractors.listing import named
-from ..attractors.plane import at_parameters, make_initial_conditions, Plane
+from ..attractors.plane import at_parameters, make_initial_conditions, Plane, STATE
 from ..attractors.tracks import track
 from ..core.defaults import SEED
 from ..core.flight.lanes_step import LANES

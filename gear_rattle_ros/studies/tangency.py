@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 import dataclasses
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -36,7 +36,7 @@ MOST_STEPS: Final = 60
 # Searches of the manifold with shifted samples at the end.
 SHIFTS: Final = 5
 # Searches of the manifold in all, nearly.
-SEARCHES: Final = 22 + SHIFTS
+SEARCHES: Final = 24 + SHIFTS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,18 +59,12 @@ class Boundary:
 
 @dataclasses.dataclass(frozen=True)
 class Tangency:
-    """
-    The crisis, where the manifolds touch, and how well its alpha is located [1].
-
-    `edge` is the point that touches, `fold` the alpha where the captor and the saddle are born
-    [1].
-    """
+    """The crisis, where the manifolds touch, and how well its alpha is located [1]."""
 
     alpha: float
     uncertainty: float
-    edge: Edge
     saddle: Saddle
-    fold: float
+    fold: float  # alpha where the captor and the saddle are born [1]
 
 
 def carry(orbit: Orbit, alpha: float) -> Orbit:
@@ -94,38 +88,35 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
     captured in the end. ValueError where none is by a periodic orbit, or that has no saddle.
     """
     found = find_attractors(parameters, Plane().draw(parameters, 64, seed), hold=HOLD,
-                            chaotic=False).attractors
-    captor = max(found, key=lambda each: each.settled if each.orbit else -1).orbit
-    if captor is None:
+                            chaotic=False)
+    if not found.orbits:
         raise ValueError(f'alpha = {parameters.alpha:g}: no trajectory settles on a periodic '
                          'orbit; give a bracket that ends beyond the crisis')
+    captor = found.orbits[int(np.argmax(np.bincount(
+        found.labels[found.labels >= 0], minlength=len(found.orbits))))]
     for direction in (-1.0, 1.0):
         branch = follow(captor, direction, low - BEYOND, parameters.alpha + BEYOND)
-        folds = [turn for turn in branch.turns if turn.change is Change.FOLD]
-        if not folds:
-            continue
-        beyond = [o for o in branch.orbits if abs(o.multipliers[0]) > 1.0
-                  and o.multipliers[0].real > 1.0]
-        if beyond:
-            nearest = min(beyond, key=lambda o: abs(o.parameters.alpha - parameters.alpha))
-            return Boundary(captor, carry(nearest, parameters.alpha), folds[0].alpha)
+        folds = [turn.alpha for turn in branch.turns if turn.change is Change.FOLD]
+        saddles = [orbit for orbit in branch.orbits if orbit.multipliers[0].real > 1.0]
+        if folds and saddles:
+            nearest = min(saddles, key=lambda o: abs(o.parameters.alpha - parameters.alpha))
+            return Boundary(captor, carry(nearest, parameters.alpha), folds[0])
     raise ValueError(f'alpha = {parameters.alpha:g}: no saddle belongs to the orbit of '
                      f'{counted(captor.impacts, "impact")}')
 
 
 def find_tangency(boundary: Boundary, low: float, high: float,
-                  report: Callable[[float, Edge], None] = lambda alpha, edge: None) -> Tangency:
+                  searched: Callable[[int], None] = lambda count: None) -> Tangency:
     """
     Find where the unstable manifold of the saddle first crosses its stable one.
 
     Bisection is followed by secants once the distance is smooth; a finer search at the end gives
-    part of the uncertainty. `report` is called with every alpha that was tried. ValueError where
-    `low` and `high` do not bracket a crisis.
+    part of the uncertainty. `searched` is called with the searches of the manifold made.
+    ValueError where `low` and `high` do not bracket a crisis.
     """
-    def look(alpha: float, near: float | None = None, seed: float = SEED_DISTANCE) -> Edge:
-        edge = find_edge(boundary.at(alpha).directions, near=near, seed=seed)
-        report(alpha, edge)
-        return edge
+    def look(alpha: float, **how: Any) -> Edge:
+        searched(1)
+        return find_edge(boundary.at(alpha).directions, **how)
 
     below, above = look(low), look(high)
     if below.distance > 0.0 or above.distance < 0.0:
@@ -143,26 +134,19 @@ def find_tangency(boundary: Boundary, low: float, high: float,
             raise ValueError(f'the distance jumps at alpha = {low:.9g}: this is no tangency')
     roots, slope = [], (above.distance - below.distance) / (high - low)
     for seed in (SEED_DISTANCE, 3.0 * SEED_DISTANCE):
-        alpha, edge = low, below
-        near = find_edge(boundary.at(low).directions, seed=seed).place
+        alpha, edge = low, look(low, seed=seed)
         for _ in range(MOST_STEPS):
-            edge = look(alpha, near, seed)
+            edge = look(alpha, near=edge.place, seed=seed)
             if edge.distance == NEVER or abs(edge.distance / slope) < ROOT:
                 break
-            near = edge.place
             alpha -= edge.distance / slope
         roots.append((alpha, edge))
-    alpha, edge = roots[0]
+    (alpha, edge), (other, _) = roots
     # A narrower fold that crosses earlier would show here.
-    there = boundary.at(alpha)
-    missed = 0.0
-    for shift in range(SHIFTS):
-        finer = find_edge(there.directions, impacts=100, offset=shift / SHIFTS)
-        report(alpha, finer)
-        missed = max(missed, finer.distance / slope)
-    uncertainty = max(abs(roots[1][0] - alpha), missed, abs(edge.distance) / slope, 1e-10)
-    return Tangency(alpha - missed, uncertainty, edge, boundary.at(alpha).directions,
-                    boundary.fold)
+    missed = max(0.0, *(look(alpha, impacts=100, offset=shift / SHIFTS).distance / slope
+                        for shift in range(SHIFTS)))
+    uncertainty = max(abs(other - alpha), missed, abs(edge.distance) / slope, 1e-10)
+    return Tangency(alpha - missed, uncertainty, boundary.at(alpha).directions, boundary.fold)
 
 
 def radius_of(boundary: Boundary) -> float:

@@ -240,7 +240,7 @@ def test_windows_magnify_about_a_point():
 
 def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     """20,000 x 20,000 starts: nothing of the size of the grid is held or written up front."""
-    from gear_rattle_ros.studies.grid import fill_tile, grid_layout, Job
+    from gear_rattle_ros.studies.grid import fill_tile, grid_layout
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')
     assert len(store.tiles) == 1600
@@ -250,8 +250,8 @@ def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     # A tile of it, made small.
     small = make_store(tmp_path / 'b', grid_layout(
         dataclasses.replace(plane, phases=40, velocities=40), {}, 'small', 1000, 20), 'test')
-    job = Job(small.path, dataclasses.replace(plane, phases=40, velocities=40), 1000, catalogue)
-    assert fill_tile(job, 3)[0] > 400
+    few = dataclasses.replace(plane, phases=40, velocities=40)
+    assert fill_tile(small.path, few, 1000, catalogue, 3)[0] > 400
     assert np.all(small.read(3, 'label') >= 0)
     assert [path.name for path in (small.path / 'label').glob('c*')] == ['c.1.1']
 
