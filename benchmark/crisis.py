@@ -19,8 +19,8 @@ import time
 import numpy as np
 
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
-from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured, STEPS
+from gear_rattle_ros.core.flight.lanes import new_tiles
+from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.studies.tangency import Boundary, find_boundary, find_tangency, radius_of
 
@@ -175,10 +175,9 @@ def compare_escapes(boundary: Boundary, scan: ctypes.CDLL) -> None:
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,
                 GAMMA, RESTITUTION, STEP), starts))
         here = boundary.at(alpha)
-        lifetimes, fates = (np.zeros(TRAJECTORIES, np.int64) for _ in range(2))
-        last_until_captured(
-            new_tiles(1)[0], new_impacts(STEPS), starts, here.captor.points, radius_of(here),
-            SKIP, TRAJECTORIES, LIMIT, lifetimes, fates, np.zeros((TRAJECTORIES, 3)))
+        lifetimes, fates, _ = last_until_captured(
+            new_tiles(1)[0], starts, here.captor.points, radius_of(here), SKIP, TRAJECTORIES,
+            LIMIT)
         ours = np.where(fates == CAPTURED, lifetimes, -1)
         print(f'{alpha:10.7f}  {rate(peer):38s}  {rate(ours):38s}', flush=True)
 

@@ -21,6 +21,7 @@ from gear_rattle_ros.core.flight.advancement import PATIENCE, PATIENCE_RATE
 from gear_rattle_ros.core.flight.closed_form import displace, LEG
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.first_impact import HALVINGS, search_impact
+from gear_rattle_ros.core.model import Model
 
 # Evaluations in excess of 4 d that no hunt has found.
 EMPIRICAL: Final = 250
@@ -37,7 +38,7 @@ def proved_bound(d: float) -> int:
 def steps_of(start, longest):  # type: ignore[no-untyped-def]
     """Return the evaluations of a search, and how far it has come."""
     d, effort, _, _ = search_impact(
-        0.0, 0, longest, start[0], start[1], start[2], start[3], start[4], start[5])
+        0.0, 0, longest, start[0], start[1], start[2], Model(start[3], start[4], start[5], 1.0))
     return effort, d
 
 
@@ -83,7 +84,7 @@ def tangent_start():  # type: ignore[no-untyped-def]
     phase = np.pi - np.arcsin(start[5] / amplitude) + np.arctan(start[4])
     back = 10.0**np.random.uniform(-3.0, 0.3)
     moved, start[2], _, _ = displace(
-        -back, np.sin(phase), np.cos(phase), 0.0, start[3], start[4], start[5])
+        -back, np.sin(phase), np.cos(phase), 0.0, Model(start[3], start[4], start[5], 1.0))
     start[0] = (phase - back) % TWO_PI
     start[1] = min(max(moved, -1.0), 0.0)
     return start

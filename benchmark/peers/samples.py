@@ -6,7 +6,7 @@ import numpy as np
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.flight.tangent import flight_matrix, impact_matrix
-from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
+from gear_rattle_ros.core.model import EventArray, EventKind, Model, Parameters, State
 
 from .chains import STRONG, TWO_PI
 
@@ -165,8 +165,8 @@ def comparable(events: EventArray, setting: Array) -> Array:
             grown = np.zeros((0, 2, 2))
         else:
             one, two, three = impact_matrix(
-                float(event['phase']), velocity, float(event['velocity_after']), alpha, beta,
-                gamma, restitution)
+                float(event['phase']), velocity, float(event['velocity_after']),
+                Model(alpha, beta, gamma, restitution))
             grown = np.array([[one, 0.0], [two, three]]) @ grown
         grown = np.concatenate([grown, np.eye(2)[None]])
     return np.array(result, dtype=int)

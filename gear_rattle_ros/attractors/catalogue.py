@@ -16,7 +16,7 @@ from .plane import STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
-from ..core.flight.lanes import EMPTY, new_impacts, new_tiles, START
+from ..core.flight.lanes import EMPTY, new_tiles, START
 from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import ChaoticSet
 from ..core.many.orbit_table import dilated, make_table
@@ -28,10 +28,8 @@ from ..core.many.settling import (
     RESTS_LOWER,
     RESTS_UPPER,
     RESULT,
-    STEPS,
     Table,
     UNSETTLED,
-    WATCH,
 )
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
@@ -300,8 +298,7 @@ def _follow_batch(initial: RecordArray, size: int, cap: int, table: Table, batch
 
 def follow_here(initial: RecordArray, cap: int, table: Table, results: RecordArray) -> int:
     """Follow initial conditions in this thread into `results`; return the impacts made."""
-    return int(classify(new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH), initial, cap,
-                        table, results))
+    return int(classify(new_tiles(1)[0], initial, cap, table, results))
 
 
 def moved(initial: RecordArray, results: RecordArray) -> RecordArray:

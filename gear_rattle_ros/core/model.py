@@ -4,7 +4,7 @@ import dataclasses
 import enum
 import math
 import numbers
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -71,6 +71,15 @@ def require_finite(name: str, value: float, low: float, high: float) -> float:
     return number
 
 
+class Model(NamedTuple):
+    """Parameters as kernels take them: numbers, not checked."""
+
+    alpha: float
+    beta: float
+    gamma: float
+    restitution: float
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameters:
     """
@@ -106,6 +115,11 @@ class Parameters:
             ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM), ('restitution', 0.0, 1.0),
         ):
             object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
+
+    @property
+    def model(self) -> Model:
+        """Return the same numbers for kernels."""
+        return Model(self.alpha, self.beta, self.gamma, self.restitution)
 
     @classmethod
     def from_physical(

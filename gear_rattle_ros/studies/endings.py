@@ -292,8 +292,7 @@ def _go_on(parameters: Parameters, states: RecordArray
     # States after a round, its last impacts, and who is at rest or on a stable orbit.
     rows, counts = record_impacts(at_parameters(parameters, states), ROUND - KEPT, KEPT)
     last = rows[:, -1]
-    after = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
-                         last['velocity'])
+    after = starts_after(parameters, last['phase'], last['velocity'])
 
     def captors() -> Iterator[tuple[int, Orbit | str]]:
         for i, row in enumerate(rows):

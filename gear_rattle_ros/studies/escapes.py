@@ -15,14 +15,13 @@ from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import make_initial_conditions, Plane
 from ..core.arrays import FloatArray
-from ..core.flight.lanes import new_impacts, new_tiles
+from ..core.flight.lanes import new_tiles
 from ..core.flight.lanes_step import LANES
 from ..core.many.escape import (
     CAPTURED,
     escape_rate,
     EscapeRate,
     last_until_captured,
-    STEPS,
     SURVIVED,
 )
 from ..core.model import Parameters
@@ -103,12 +102,9 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
     initial = escapes.plane.draw(parameters, escapes.trajectories,
                                  escapes.seed * 1_000_003 + part)
-    lifetimes, fates = np.zeros((2, len(initial)), np.int64)
-    ends = np.zeros((len(initial), 3))
-    last_until_captured(
-        new_tiles(1)[0], new_impacts(STEPS), initial, escapes.points[k], escapes.radius,
-        escapes.skip, escapes.wanted_of_part, escapes.limit if k else escapes.limit_before,
-        lifetimes, fates, ends)
+    lifetimes, fates, ends = last_until_captured(
+        new_tiles(1)[0], initial, escapes.points[k], escapes.radius, escapes.skip,
+        escapes.wanted_of_part, escapes.limit if k else escapes.limit_before)
     survivors = np.flatnonzero(fates == SURVIVED)
     if len(survivors):
         again = make_initial_conditions(parameters, *ends[survivors].T)

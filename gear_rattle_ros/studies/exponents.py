@@ -14,8 +14,8 @@ from ..attractors.listing import named
 from ..attractors.plane import Plane, StartArray
 from ..core.arrays import FloatArray
 from ..core.defaults import EXPONENT_IMPACTS
-from ..core.flight.lanes import new_impacts, new_tiles
-from ..core.many.growth import grow, STEPS
+from ..core.flight.lanes import new_tiles
+from ..core.many.growth import grow
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.layout import Layout, Variable
@@ -39,7 +39,7 @@ def finite_time_exponents(initial: StartArray, count: int, threads: int | None =
     def work(batch: int) -> None:
         check()
         part = slice(batch * BATCH, (batch + 1) * BATCH)
-        grow(new_tiles(1)[0], new_impacts(STEPS), initial[part], count, exponents[part])
+        grow(new_tiles(1)[0], initial[part], count, exponents[part])
 
     run_tiles(work, range(-(-len(initial) // BATCH)), lambda batch, result: None, threads=threads)
     return exponents

@@ -5,6 +5,8 @@ import dataclasses
 
 import mpmath as mp
 
+from gear_rattle_ros.core.model import Model
+
 DIGITS = 50
 
 
@@ -18,6 +20,11 @@ class Flight:
     alpha: float
     beta: float
     gamma: float
+
+    @property
+    def model(self) -> Model:
+        """Return the parameters as kernels take them; a flight knows no restitution."""
+        return Model(self.alpha, self.beta, self.gamma, 1.0)
 
     def displacement_at(self, d: mp.mpf) -> mp.mpf:
         """Return s(tau0 + d)."""

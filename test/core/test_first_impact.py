@@ -20,6 +20,7 @@ from gear_rattle_ros.core.flight.first_impact import (
     middle,
     search_impact,
 )
+from gear_rattle_ros.core.model import Model
 
 EPS = 2.0**-52
 Array = np.ndarray[Any, Any]
@@ -77,7 +78,7 @@ def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
     with mp.workdps(DIGITS):
         for phase, _, _, alpha, beta, gamma in random_starts(1, 100).tolist():
             f = Flight(phase, 0.0, 0.0, alpha, beta, gamma)
-            delay = force_zero_delay(phase, 1e-14, alpha, beta, gamma)
+            delay = force_zero_delay(phase, 1e-14, f.model)
             size = alpha * (1.0 + beta) + abs(gamma)
 
             def force(t: Any, f: Flight = f) -> Any:
@@ -96,7 +97,7 @@ def test_a_flight_turns_once_at_most_between_zeros_of_the_force() -> None:
     with mp.workdps(DIGITS):
         for phase, s, v, alpha, beta, gamma in random_starts(2, 40).tolist():
             f = Flight(phase, s, v, alpha, beta, gamma)
-            delay = force_zero_delay(phase, 1e-14, alpha, beta, gamma)
+            delay = force_zero_delay(phase, 1e-14, f.model)
             t = mp.mpf(delay) / 3
 
             def grown(x: Any, f: Flight = f) -> Any:
@@ -131,11 +132,12 @@ def by_bisection(starts, found):  # type: ignore[no-untyped-def]
     """Write impacts found by bisection alone: d, velocity, wall, stretches, most evaluations."""
     for i in range(len(starts)):
         phase, s, v, alpha, beta, gamma = starts[i]
-        d, _, velocity, wall = search_impact(0.0, 0, 0.0, phase, s, v, alpha, beta, gamma)
+        model = Model(alpha, beta, gamma, 1.0)
+        d, _, velocity, wall = search_impact(0.0, 0, 0.0, phase, s, v, model)
         stretches = most = last = 0
         while wall == NO_WALL and d < LEG:
             most = max(most, last)
-            step, speed, wall, last = bisect_on(d, phase, s, v, alpha, beta, gamma)
+            step, speed, wall, last = bisect_on(d, phase, s, v, model)
             d += step
             velocity = speed if wall == UPPER else -speed
             stretches += 1
@@ -148,7 +150,7 @@ def by_search(starts, found):  # type: ignore[no-untyped-def]
     for i in range(len(starts)):
         phase, s, v, alpha, beta, gamma = starts[i]
         d, effort, velocity, wall = search_impact(
-            0.0, 0, LEG, phase, s, v, alpha, beta, gamma)
+            0.0, 0, LEG, phase, s, v, Model(alpha, beta, gamma, 1.0))
         found[i] = np.array((d, velocity, float(wall), float(effort)))
 
 
@@ -178,7 +180,8 @@ def which_are_clear(starts, found):  # type: ignore[no-untyped-def]
     """Write which legs cannot come near a wall."""
     for i in range(len(starts)):
         phase, s, v, alpha, beta, gamma = starts[i]
-        found[i] = stays_clear(math.sin(phase), math.cos(phase), s, v, alpha, beta, gamma)
+        model = Model(alpha, beta, gamma, 1.0)
+        found[i] = stays_clear(math.sin(phase), math.cos(phase), s, v, model)
 
 
 def test_no_leg_that_is_clear_of_the_walls_has_an_impact() -> None:
@@ -205,7 +208,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
     with mp.workdps(DIGITS):
         for f in tangencies(5, 100):
             d, effort, _, wall = search_impact(
-                0.0, 0, 20.0, f.phase, f.displacement, f.velocity, f.alpha, f.beta, f.gamma)
+                0.0, 0, 20.0, f.phase, f.displacement, f.velocity, f.model)
             slow += effort > 64 + 4 * d
             assert effort <= proved_bound(d)
             size = abs(f.velocity) + (f.alpha * (1.0 + f.beta) + abs(f.gamma)) * d
@@ -224,7 +227,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
 def test_a_slow_search_may_be_stopped_and_taken_up(cuts: tuple[float, ...]) -> None:
     """It is the same to the bit, effort and all, wherever it was stopped."""
     for f in tangencies(6, 300):
-        flight = (f.phase, f.displacement, f.velocity, f.alpha, f.beta, f.gamma)
+        flight = (f.phase, f.displacement, f.velocity, f.model)
         whole = search_impact(0.0, 0, 20.0, *flight)
         d, effort, velocity, wall = 0.0, 0, 0.0, NO_WALL
         for cut in [*(c * whole[0] for c in cuts), 20.0]:

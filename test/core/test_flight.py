@@ -22,7 +22,7 @@ from gear_rattle_ros.core.flight.closed_form import (
 from gear_rattle_ros.core.flight.elementary import sine_cosine, TWO_PI
 from gear_rattle_ros.core.flight.first_impact import search_impact
 from gear_rattle_ros.core.flight.simulation import Simulation
-from gear_rattle_ros.core.model import EventKind, Parameters, State
+from gear_rattle_ros.core.model import EventKind, Model, Parameters, State
 
 EPS = 2.0**-52
 
@@ -43,8 +43,7 @@ def random_flight(rng: np.random.Generator, scale: float = 1.0) -> Flight:
 def first_impact(flight: Flight, stop: float) -> tuple[float, float, int]:
     """Search from the beginning of a flight."""
     d, _, velocity, wall = search_impact(
-        0.0, 0, stop, flight.phase, flight.displacement, flight.velocity, flight.alpha,
-        flight.beta, flight.gamma)
+        0.0, 0, stop, flight.phase, flight.displacement, flight.velocity, flight.model)
     return d, velocity, wall
 
 
@@ -68,7 +67,7 @@ def test_equations_4_and_5_to_the_last_digits() -> None:
             f = random_flight(rng)
             d = float(10.0**rng.uniform(-9, 2))
             moved, velocity, sine, cosine = displace(
-                d, *sine_cosine(f.phase), f.velocity, f.alpha, f.beta, f.gamma)
+                d, *sine_cosine(f.phase), f.velocity, f.model)
             fast = abs(f.velocity) + f.alpha + abs(f.gamma) * d
             size = (abs(f.velocity) + f.alpha + abs(f.gamma) * d + 1e-3) * min(d, 1 + d)
             assert abs(moved - (f.displacement_at(d) - f.displacement)) < 8 * EPS * size
@@ -83,7 +82,7 @@ def test_equations_4_and_5_satisfy_the_differential_equation() -> None:
     for _ in range(100):
         f = random_flight(rng)
         d, h = float(rng.uniform(0.1, 5.0)), 1e-4
-        near = [displace(d + k * h, *sine_cosine(f.phase), f.velocity, f.alpha, f.beta, f.gamma)
+        near = [displace(d + k * h, *sine_cosine(f.phase), f.velocity, f.model)
                 for k in (-2, -1, 0, 1, 2)]
         s_dot, v_dot = (
             (near[0][i] - 8 * near[1][i] + 8 * near[3][i] - near[4][i]) / (12 * h) for i in (0, 1))
@@ -91,7 +90,7 @@ def test_equations_4_and_5_satisfy_the_differential_equation() -> None:
         size = 1.0 + f.alpha + abs(f.velocity) + abs(f.gamma)
         assert s_dot == pytest.approx(v, abs=1e-10 * size)
         assert v_dot == pytest.approx(
-            acceleration(sine, cosine, v, f.alpha, f.beta, f.gamma), abs=1e-10 * size)
+            acceleration(sine, cosine, v, f.model), abs=1e-10 * size)
 
 
 @pytest.mark.parametrize('alpha, beta, gamma', [
@@ -240,18 +239,19 @@ def test_a_search_may_be_stopped_and_taken_up(
     for cut in [*sorted(cuts), 60.0]:
         if wall == NO_WALL and d < cut:
             d, effort, found, wall = search_impact(
-                d, effort, cut, phase, displacement, velocity, alpha, beta, gamma)
+                d, effort, cut, phase, displacement, velocity, f.model)
     assert (d, wall) == (whole[0], whole[2])
     assert found == whole[1]
 
 
 def test_impact_law() -> None:
     """v+ = -r v- at either wall, exactly; a kick never drives the mass through the wall."""
-    assert rebound(0.7, 1.0, 1.0, 0.5, 0.1, 0.1, 0.9, 0.0) == -0.9 * 0.7
-    assert rebound(-0.7, -1.0, 1.0, 0.5, 0.1, 0.1, 0.9, 0.0) == 0.9 * 0.7
+    model = Model(0.5, 0.1, 0.1, 0.9)
+    assert rebound(0.7, 1.0, model, 0.0) == -0.9 * 0.7
+    assert rebound(-0.7, 1.0, model, 0.0) == 0.9 * 0.7
     for kick in (-5.0, -0.1, 0.1, 5.0):
-        assert rebound(0.7, 1.0, 1.0, 0.5, 0.1, 0.1, 0.9, kick) == -abs(-0.9 * 0.7 + kick)
-        assert rebound(-0.7, -1.0, 1.0, 0.5, 0.1, 0.1, 0.9, kick) == abs(0.9 * 0.7 + kick)
+        assert rebound(0.7, 1.0, model, kick) == -abs(-0.9 * 0.7 + kick)
+        assert rebound(-0.7, 1.0, model, kick) == abs(0.9 * 0.7 + kick)
 
 
 @given(phase=st.floats(0.0, TWO_PI, exclude_max=True), d=st.floats(0.0, 1e5))

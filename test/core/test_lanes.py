@@ -22,6 +22,7 @@ from gear_rattle_ros.core.flight.lanes import (
     FLOATS,
     IMPACT,
     is_busy,
+    model_in,
     new_impacts,
     new_tiles,
     NO_IMPACTS,
@@ -184,8 +185,8 @@ def test_flights_are_evaluated_as_by_the_scalar_kernel() -> None:
         advance(tile, NO_IMPACTS, 1)
         for i in range(LANES):
             sine, cosine = sine_cosine(tile['phase'][i])
-            parameters = (tile[name][i] for name in ('alpha', 'beta', 'gamma'))
-            there = displace(tile['duration'][i], sine, cosine, tile['velocity'][i], *parameters)
+            there = displace(
+                tile['duration'][i], sine, cosine, tile['velocity'][i], model_in(tile, i))
             assert there == tuple(
                 tile[name][i] for name in ('moved', 'velocity_now', 'sine_now', 'cosine_now'))
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.flight.closed_form import elapsed
+from gear_rattle_ros.core.flight.closed_form import elapsed, model_of
 from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.flight.tangent import flight_matrix, impact_matrix, log_determinant
-from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
+from gear_rattle_ros.core.model import EventArray, EventKind, Model, Parameters, State
 
 
 def between(before: np.void, after: np.void) -> float:
@@ -21,8 +21,7 @@ def matrices(before: np.void, after: np.void) -> tuple[np.ndarray, np.ndarray]:
     """Return F of the flight to an impact and S of the impact."""
     integral, decay = flight_matrix(between(before, after), before['beta'])
     s11, s21, s22 = impact_matrix(
-        after['phase'], after['velocity'], after['velocity_after'],
-        *(before[name] for name in ('alpha', 'beta', 'gamma', 'restitution')))
+        after['phase'], after['velocity'], after['velocity_after'], model_of(before))
     return np.array([[1.0, integral], [0.0, decay]]), np.array([[s11, 0.0], [s21, s22]])
 
 
@@ -165,7 +164,7 @@ def test_an_impact_with_a_kick() -> None:
         return (-alpha * math.sin(tau) + alpha * beta * math.cos(tau) + gamma - beta * velocity)
 
     after = -r * v + kick
-    s11, s21, s22 = impact_matrix(phase, v, after, alpha, beta, gamma, r)
+    s11, s21, s22 = impact_matrix(phase, v, after, Model(alpha, beta, gamma, r))
 
     def shifted(ds: float, dv: float) -> tuple[float, float]:
         # To first order in the delay: hit later, rebound, and come back to the same time.

@@ -10,17 +10,14 @@ import pytest
 from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
-from gear_rattle_ros.core.flight.lanes_step import LANES
+from gear_rattle_ros.core.flight.lanes import new_tiles
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import (
     classify,
     FLOATING,
     RESTS_UPPER,
     RESULT,
-    STEPS,
     UNSETTLED,
-    WATCH,
 )
 from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
@@ -151,12 +148,12 @@ def test_refilled_lanes_lose_and_repeat_no_start():
     parameters = Parameters(alpha=0.52)
     starts = PLANE.draw(parameters, 1000, 3)
     table = find_attractors(parameters, starts[:100], hold=3000).table
-    tile, impacts, watches = new_tiles(1)[0], new_impacts(STEPS), np.zeros(LANES, WATCH)
+    tile = new_tiles(1)[0]
 
     def settled(some):
         results = np.zeros(len(some), RESULT)
         results['label'] = 99
-        made = classify(tile, impacts, watches, some, 400, table, results)
+        made = classify(tile, some, 400, table, results)
         return results, made
 
     together, made = settled(starts)

@@ -14,7 +14,7 @@ from gear_rattle_ros.core.flight.closed_form import UPPER
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.many.recognition import find_orbit
 from gear_rattle_ros.core.many.recorded import record_impacts
-from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.model import Model, Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
@@ -56,7 +56,7 @@ def multipliers_of_the_paper(orbit: Orbit):
     for k in range(orbit.impacts):
         phase, velocity = orbit.points[k]
         _, _, phase_1, velocity_1, duration = next_impact(
-            int(orbit.walls[k]), phase, velocity, alpha, B, G, R)
+            int(orbit.walls[k]), phase, velocity, Model(alpha, B, G, R))
         product = jacobian_of_the_paper(phase, velocity, phase_1, velocity_1, duration,
                                         alpha) @ product
     return np.linalg.eigvals(product)
@@ -64,16 +64,16 @@ def multipliers_of_the_paper(orbit: Orbit):
 
 def test_derivatives_against_differences_and_eq_9():
     wall, phase, velocity, alpha = UPPER, 4.2, 1.1, 1.23
-    _, _, phase_1, velocity_1, d = next_impact(wall, phase, velocity, alpha, B, G, R)
-    exact = np.array(derivatives(phase, velocity, d, phase_1, velocity_1, alpha, B, G, R)
-                     ).reshape(2, 3)
+    model = Model(alpha, B, G, R)
+    _, _, phase_1, velocity_1, d = next_impact(wall, phase, velocity, model)
+    exact = np.array(derivatives(phase, velocity, d, phase_1, velocity_1, model)).reshape(2, 3)
     h = 1e-6
     for k in range(3):
         ends = []
         for sign in (1.0, -1.0):
             x = np.array([phase, velocity, alpha])
             x[k] += sign * h
-            ends.append(np.array(next_impact(wall, x[0], x[1], x[2], B, G, R)[2:4]))
+            ends.append(np.array(next_impact(wall, x[0], x[1], Model(x[2], B, G, R))[2:4]))
         assert exact[:, k] == pytest.approx((ends[0] - ends[1]) / (2.0 * h), rel=1e-6, abs=1e-7)
     paper = jacobian_of_the_paper(phase, velocity, phase_1, velocity_1, d, alpha)
     assert exact[:, :2] == pytest.approx(paper, rel=1e-12)

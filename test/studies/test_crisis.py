@@ -7,12 +7,11 @@ import pytest
 
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.crisis import main
-from gear_rattle_ros.core.flight.lanes import new_impacts, new_tiles
+from gear_rattle_ros.core.flight.lanes import new_tiles
 from gear_rattle_ros.core.many.escape import (
     CAPTURED,
     escape_rate,
     last_until_captured,
-    STEPS,
     UNUSED,
 )
 from gear_rattle_ros.core.model import Parameters
@@ -33,11 +32,9 @@ def escapes_at(boundary, alpha, trajectories, limit):
     """Time escapes at an alpha."""
     parameters = Parameters(alpha=alpha)
     starts = Plane().draw(parameters, trajectories, 5)
-    lifetimes, fates = np.zeros(trajectories, np.int64), np.zeros(trajectories, np.int64)
-    last_until_captured(new_tiles(1)[0], new_impacts(STEPS), starts,
-                        boundary.at(alpha).captor.points, radius_of(boundary), 300, trajectories,
-                        limit, lifetimes, fates, np.zeros((trajectories, 3)))
-    return lifetimes, fates
+    return last_until_captured(
+        new_tiles(1)[0], starts, boundary.at(alpha).captor.points, radius_of(boundary), 300,
+        trajectories, limit)[:2]
 
 
 @pytest.mark.parametrize('limit', [math.inf, 700.0])
@@ -114,10 +111,8 @@ def test_enough_escapes_stop_all_and_give_the_same_rate(boundary):
     starts = Plane(displacement=-0.5).draw(parameters, 2000, 6)
     rates = []
     for wanted in (300, 2000):
-        lifetimes, fates = np.zeros(2000, np.int64), np.zeros(2000, np.int64)
-        last_until_captured(
-            new_tiles(1)[0], new_impacts(STEPS), starts, here.captor.points, radius_of(here), 300,
-            wanted, 10**7, lifetimes, fates, np.zeros((2000, 3)))
+        lifetimes, fates, _ = last_until_captured(
+            new_tiles(1)[0], starts, here.captor.points, radius_of(here), 300, wanted, 10**7)
         begun = fates != UNUSED
         assert begun.all() == (wanted == 2000) and np.all(lifetimes[~begun] == 0)
         rates.append(escape_rate(lifetimes[begun], fates[begun] != CAPTURED, 300))

@@ -11,6 +11,7 @@ from typing import Final
 
 from .lanes_simd import choose, inlined, square_root
 from ..compiled import kernel
+from ..model import Model
 
 # Longest single step of the search [1].
 HORIZON_MAXIMUM: Final = 10.0
@@ -113,12 +114,12 @@ def stop_behind(front: float, speed: float, pull: float, jerk: float, behind: fl
 
 @kernel
 def leap(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
-         alpha: float, beta: float, gamma: float) -> float:
+         model: Model) -> float:
     """Return a time [1] in which no wall can be reached, where the usual step crawls."""
     # A gear that leaves a wall very slowly while the force changes sign soon comes back by the
     # jerk, long before it could reach the other wall: the bound need not hold for longer.
     _, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
-        displacement, moved, velocity, sine, cosine, alpha, beta, gamma)
+        displacement, moved, velocity, sine, cosine, model.alpha, model.beta, model.gamma)
     longest = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
     step = longest
     for _ in range(LEAP_TRIALS):

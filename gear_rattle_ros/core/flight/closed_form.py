@@ -10,13 +10,10 @@ import numpy as np
 
 from .advancement import HORIZON_MAXIMUM
 from .elementary import arctangent, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
-from ..arrays import Whole
+from ..arrays import Record, Whole
 from ..compiled import kernel
-from ..model import STICKING_SPEED, Wall
+from ..model import Model, STICKING_SPEED, Wall
 
-# Whether the gear is in flight or rests on a wall.
-FLYING = 0
-RESTING = 1
 # Which wall ends a flight.
 NO_WALL = -1
 UPPER = int(Wall.UPPER)
@@ -29,14 +26,21 @@ CLEARANCE = 1e-9
 
 
 @kernel
-def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta: float,
-             gamma: float) -> tuple[float, float, float, float]:
+def model_of(record: Record) -> Model:
+    """Return the parameters in a record."""
+    return Model(record.alpha, record.beta, record.gamma, record.restitution)
+
+
+@kernel
+def displace(d: float, sin_p: float, cos_p: float, v0: float,
+             model: Model) -> tuple[float, float, float, float]:
     """
     Return displacement since its beginning, velocity, sine, cosine after a time d, eqs. (4)-(5).
 
     For small d the displacement has a small relative error, as chatter needs; d is at most about
     1e6.
     """
+    alpha, beta, gamma, _ = model
     decay, integral, second = relaxation(d, beta)
     sin_half, cos_half = sine_cosine(0.5 * d)
     versine = 2.0 * sin_half * sin_half
@@ -52,18 +56,18 @@ def displace(d: float, sin_p: float, cos_p: float, v0: float, alpha: float, beta
 
 
 @kernel
-def displace_leg(cos_p: float, v0: float, alpha: float, beta: float,
-                 gamma: float) -> tuple[float, float]:
-    """Return the displacement since its beginning and the velocity after a leg, eqs. (4)-(5)."""
+def displace_leg(cos_p: float, s0: float, v0: float, model: Model) -> tuple[float, float]:
+    """Return displacement and velocity after a leg that meets no wall, eqs. (4)-(5)."""
+    alpha, beta, gamma, _ = model
     decay, integral, second = relaxation(LEG, beta)
     moved = (v0 - alpha * cos_p) * integral + gamma * second
-    return moved, v0 * decay + (gamma + alpha * beta * cos_p) * integral
+    return min(max(s0 + moved, -1.0), 0.0), v0 * decay + (gamma + alpha * beta * cos_p) * integral
 
 
 @kernel
-def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, beta: float,
-                gamma: float) -> bool:
+def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, model: Model) -> bool:
     """Whether bounds on each term of the closed form certainly keep a leg off the walls."""
+    alpha, beta, gamma, _ = model
     _, integral, second = relaxation(LEG, beta)
     # s(d) = s0 - alpha sin p + alpha sin(p + d) + (v0 - alpha cos p) B(d) + gamma C(d).
     middle = s0 - alpha * sin_p
@@ -75,18 +79,19 @@ def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, alpha: float, 
 
 
 @kernel
-def acceleration(sin_p: float, cos_p: float, velocity: float, alpha: float, beta: float,
-                 gamma: float) -> float:
+def acceleration(sin_p: float, cos_p: float, velocity: float, model: Model) -> float:
     """Return the acceleration ``s'' = a(tau, v)`` in flight, eq. (3)."""
-    return alpha * (beta * cos_p - sin_p) + (gamma - beta * velocity)
+    m = model
+    return m.alpha * (m.beta * cos_p - sin_p) + (m.gamma - m.beta * velocity)
 
 
 @kernel
-def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: float) -> float:
+def departure(sin_p: float, cos_p: float, model: Model) -> float:
     """Return a time [1] in which a gear that leaves a wall from rest surely meets no wall."""
     # The force is away from the wall, or zero but for rounding: the gear leaves by the
     # acceleration or, at a release where that vanishes, by the jerk.
-    force = acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
+    alpha, beta, gamma, _ = model
+    force = acceleration(sin_p, cos_p, 0.0, model)
     relax = abs(gamma + beta * alpha * cos_p)
     jerk = -alpha * (cos_p + beta * sin_p) - beta * force
     by_force = 2.5 * abs(force) / (alpha + beta * relax)
@@ -97,46 +102,41 @@ def departure(sin_p: float, cos_p: float, alpha: float, beta: float, gamma: floa
 
 
 @kernel
-def is_pressed(towards: float, sin_p: float, cos_p: float, alpha: float, beta: float,
-               gamma: float) -> bool:
-    """Whether a gear at rest on a wall (`towards` +1 upper, -1 lower) is pressed against it."""
+def is_pressed(displacement: float, phase: float, model: Model) -> bool:
+    """Whether a gear at rest on a wall is pressed against it."""
     # The sign of a(tau, 0) decides, that of its derivative where it is zero; without any force the
     # gear is pressed.
-    force = towards * acceleration(sin_p, cos_p, 0.0, alpha, beta, gamma)
+    sin_p, cos_p = sine_cosine(phase)
+    towards = 1.0 + 2.0 * displacement
+    force = towards * acceleration(sin_p, cos_p, 0.0, model)
     if force != 0.0:
         return force > 0.0
-    return -towards * alpha * (cos_p + beta * sin_p) >= 0.0
+    return -towards * model.alpha * (cos_p + model.beta * sin_p) >= 0.0
 
 
 @kernel
-def rests(displacement: float, velocity: float, phase: float, alpha: float, beta: float,
-          gamma: float) -> bool:
+def rests(displacement: float, velocity: float, phase: float, model: Model) -> bool:
     """Whether a gear stands on a wall against which it is pressed."""
-    on_upper = displacement == 0.0
-    if velocity != 0.0 or not (on_upper or displacement == -1.0):
-        return False
-    sine, cosine = sine_cosine(phase)
-    return is_pressed(1.0 if on_upper else -1.0, sine, cosine, alpha, beta, gamma)
+    on_wall = velocity == 0.0 and (displacement == 0.0 or displacement == -1.0)
+    return on_wall and is_pressed(displacement, phase, model)
 
 
 @kernel
-def release_delay(towards: float, phase: float, alpha: float, beta: float,
-                  gamma: float) -> float:
+def release_delay(displacement: float, phase: float, model: Model) -> float:
     """Return the time [1] until a gear leaves the wall it rests on, inf where it never does."""
     # That is at the next zero of ``a(tau, 0) = gamma - alpha sqrt(1 + beta^2) sin(tau - atan
     # beta)`` in the leaving direction.
+    alpha, beta, gamma, _ = model
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
     # So close to never leaving, the speed gained is far below that at which it sticks again.
     if abs(gamma) >= amplitude * (1.0 - 1e-12):
         return math.inf
     angle = arctangent(gamma / math.sqrt((amplitude - gamma) * (amplitude + gamma)))
-    if towards < 0.0:
+    if displacement < 0.0:
         angle = math.pi - angle
     delay = (angle + arctangent(beta) - phase) % TWO_PI
     # A zero just behind, by rounding, is now.
-    if delay > TWO_PI - 1e-8:
-        return 0.0
-    return delay
+    return 0.0 if delay > TWO_PI - 1e-8 else delay
 
 
 @kernel
@@ -165,16 +165,23 @@ def elapsed(cycles: Whole, phase_from: float, phase_to: float) -> float:
 
 
 @kernel
-def rebound(velocity: float, towards: float, phase: float, alpha: float, beta: float,
-            gamma: float, restitution: float, kick: float) -> float:
+def wall_of(velocity: float) -> int:
+    """Return the wall of an impact: that of the sign of its velocity, even of a zero."""
+    return LOWER if math.copysign(1.0, velocity) < 0.0 else UPPER
+
+
+@kernel
+def sticks(velocity: float, phase: float, model: Model) -> bool:
+    """Whether an impact leaves a gear so slow, with ``r < 1``, that its wall holds it."""
+    return (abs(model.restitution * velocity) < STICKING_SPEED and model.restitution < 1.0
+            and is_pressed(-1.0 * wall_of(velocity), phase, model))
+
+
+@kernel
+def rebound(velocity: float, phase: float, model: Model, kick: float) -> float:
     """Return the velocity after an impact, eq. (6): ``-r v`` plus the kick, 0 if it sticks."""
-    # It sticks where that is slow, with ``r < 1``, on a wall against which the gear is pressed; a
-    # kick never sends it through the wall. `towards` is +1 at the upper wall, -1 at the lower.
-    after = -restitution * velocity
+    # A kick never sends the gear through the wall.
+    after = -model.restitution * velocity
     if kick != 0.0:
-        return -towards * abs(after + kick)
-    if abs(after) < STICKING_SPEED and restitution < 1.0:
-        sin_p, cos_p = sine_cosine(phase)
-        if is_pressed(towards, sin_p, cos_p, alpha, beta, gamma):
-            return 0.0
-    return after
+        return -math.copysign(after + kick, velocity)
+    return 0.0 if sticks(velocity, phase, model) else after

@@ -14,6 +14,7 @@ from .advancement import aim, close_in, is_slow, leap, look_ahead, stop_ahead, s
 from .closed_form import departure, displace, later, LOWER, NO_WALL, UPPER
 from .elementary import arctangent, sine_cosine, TWO_PI
 from ..compiled import kernel
+from ..model import Model
 
 # Halvings of an interval of times down to two neighbours: 11 of its logarithm, then 54.
 HALVINGS: Final = 66
@@ -22,10 +23,10 @@ FAINTEST: Final = 1e-300
 
 
 @kernel
-def force_zero_delay(phase: float, near: float, alpha: float, beta: float,
-                     gamma: float) -> float:
+def force_zero_delay(phase: float, near: float, model: Model) -> float:
     """Return the time [1] until ``a(tau, 0)`` changes sign, a drive period if it never does."""
     # A zero no farther than `near` has been passed already, but for rounding.
+    alpha, beta, gamma, _ = model
     amplitude = alpha * math.sqrt(1.0 + beta * beta)
     if abs(gamma) >= amplitude:
         return TWO_PI
@@ -52,8 +53,8 @@ def wall_reached(s0: float, moved: float) -> int:
 
 
 @kernel
-def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: float,
-              gamma: float) -> tuple[float, float, int, int]:
+def bisect_on(d: float, phase: float, s0: float, v0: float,
+              model: Model) -> tuple[float, float, int, int]:
     """
     Go on from time d to the first impact or to the next zero of the force, whichever is first.
 
@@ -64,9 +65,9 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
     """
     sin_p, cos_p = sine_cosine(phase)
     near = 1e-14 + 1e-15 * d
-    end = d + force_zero_delay(later(phase, d)[1], near, alpha, beta, gamma)
-    first = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)[1]
-    moved, last, _, _ = displace(end, sin_p, cos_p, v0, alpha, beta, gamma)
+    end = d + force_zero_delay(later(phase, d)[1], near, model)
+    first = displace(d, sin_p, cos_p, v0, model)[1]
+    moved, last, _, _ = displace(end, sin_p, cos_p, v0, model)
     evaluations = 2
     # The bracket [a, b] is of the turn first, then of the impact.
     a, b = d, end
@@ -76,7 +77,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
             time = middle(a, b)
             if not a < time < b:
                 break
-            there = displace(time, sin_p, cos_p, v0, alpha, beta, gamma)
+            there = displace(time, sin_p, cos_p, v0, model)
             evaluations += 1
             if (there[1] > 0.0) == (first > 0.0):
                 a = time
@@ -94,7 +95,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
         time = middle(a, b)
         if not a < time < b:
             break
-        moved, velocity, _, _ = displace(time, sin_p, cos_p, v0, alpha, beta, gamma)
+        moved, velocity, _, _ = displace(time, sin_p, cos_p, v0, model)
         evaluations += 1
         if wall_reached(s0, moved) == NO_WALL:
             a = time
@@ -105,7 +106,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float, alpha: float, beta: 
 
 @kernel
 def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
-                  alpha: float, beta: float, gamma: float) -> tuple[float, int, float, int]:
+                  model: Model) -> tuple[float, int, float, int]:
     """
     Go forward in flight from time d to the first impact, or at least to `d_stop`.
 
@@ -113,11 +114,12 @@ def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float,
     its d and `effort` makes the same steps. Returns the time [1], the evaluations so far, the
     velocity [1], and the wall (NO_WALL: no impact yet).
     """
+    alpha, beta, gamma, _ = model
     sin_p, cos_p = sine_cosine(phase)
     if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):
-        d = departure(sin_p, cos_p, alpha, beta, gamma)
+        d = departure(sin_p, cos_p, model)
     while True:
-        moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, alpha, beta, gamma)
+        moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, model)
         towards, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
             s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
         front = stop_ahead(speed, pull, jerk, ahead, horizon, jerk_bound, snap_bound)
@@ -132,15 +134,14 @@ def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float,
         if hits:
             return d, effort, before, UPPER if towards > 0.0 else LOWER
         if is_slow(effort, d):
-            step, speed, wall, evaluations = bisect_on(d, phase, s0, v0, alpha, beta, gamma)
+            step, speed, wall, evaluations = bisect_on(d, phase, s0, v0, model)
             d += step
             effort += evaluations
             if wall != NO_WALL:
                 return d, effort, speed if wall == UPPER else -speed, wall
         elif crawls:
             effort += 1
-            moved, velocity, sin_now, cos_now = displace(
-                d, sin_p, cos_p, v0, alpha, beta, gamma)
-            d += leap(s0, moved, velocity, sin_now, cos_now, alpha, beta, gamma)
+            moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, model)
+            d += leap(s0, moved, velocity, sin_now, cos_now, model)
         if d >= d_stop:
             return d, effort, velocity, NO_WALL

@@ -3,6 +3,7 @@ Many trajectories at once, one lane of a tile each.
 
 A consumer, itself a kernel, keeps a tile per thread::
 
+    impacts = new_impacts(STEPS)
     following = refill(tile, starts, 0, math.inf)
     while following < len(starts) or is_busy(tile):
         advance(tile, impacts, STEPS)
@@ -40,7 +41,7 @@ from .first_impact import bisect_on
 from .lanes_step import CRAWLING, LANES, step, TILE
 from ..arrays import Record, RecordArray
 from ..compiled import kernel
-from ..model import STICKING_SPEED
+from ..model import Model, STICKING_SPEED
 
 CACHE_LINE: Final = 64
 # In place of the number of an initial condition: the lane is free.
@@ -75,9 +76,16 @@ def new_tiles(count: int) -> RecordArray:
     return tiles
 
 
+@kernel
 def new_impacts(steps: int) -> RecordArray:
     """Make room for the impacts of a tile, shape (LANES, steps + 1), for `steps` of `advance`."""
     return np.zeros((LANES, steps + 1), IMPACT)
+
+
+@kernel
+def model_in(tile: Record, i: int) -> Model:
+    """Return the parameters in a lane."""
+    return Model(tile.alpha[i], tile.beta[i], tile.gamma[i], tile.restitution[i])
 
 
 @kernel
@@ -86,31 +94,28 @@ def evaluate(tile: Record, i: int) -> None:
     sine, cosine = sine_cosine(tile.phase[i])
     tile.sine[i], tile.cosine[i] = sine, cosine
     tile.moved[i], tile.velocity_now[i], tile.sine_now[i], tile.cosine_now[i] = displace(
-        tile.duration[i], sine, cosine, tile.velocity[i], tile.alpha[i], tile.beta[i],
-        tile.gamma[i])
+        tile.duration[i], sine, cosine, tile.velocity[i], model_in(tile, i))
 
 
 @kernel
 def settle(tile: Record, i: int) -> None:
     """Prepare a lane whose flight begins: the gear may first rest on a wall, or permanently."""
-    on_upper = tile.displacement[i] == 0.0
-    at_rest = tile.velocity[i] == 0.0 and (on_upper or tile.displacement[i] == -1.0)
+    displacement = tile.displacement[i]
+    at_rest = tile.velocity[i] == 0.0 and (displacement == 0.0 or displacement == -1.0)
     # A parked lane keeps its state at the impact, for it may go on with other parameters.
     if at_rest and tile.left[i] > 0.0:
-        towards = 1.0 if on_upper else -1.0
-        alpha, beta, gamma = tile.alpha[i], tile.beta[i], tile.gamma[i]
-        sine, cosine = sine_cosine(tile.phase[i])
-        if is_pressed(towards, sine, cosine, alpha, beta, gamma):
-            delay = release_delay(towards, tile.phase[i], alpha, beta, gamma)
+        model = model_in(tile, i)
+        if is_pressed(displacement, tile.phase[i], model):
+            delay = release_delay(displacement, tile.phase[i], model)
             if delay == math.inf:
                 tile.end[i] = RESTS
                 tile.left[i] = 0.0
                 delay = 0.0
             periods, tile.phase[i] = later(tile.phase[i], delay)
             tile.cycle[i] += periods
-            sine, cosine = sine_cosine(tile.phase[i])
         if tile.end[i] == RUNS:
-            tile.duration[i] = departure(sine, cosine, alpha, beta, gamma)
+            sine, cosine = sine_cosine(tile.phase[i])
+            tile.duration[i] = departure(sine, cosine, model)
     evaluate(tile, i)
 
 
@@ -181,15 +186,13 @@ def attend(tile: Record, i: int) -> None:
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
             tile.velocity[i] = rebound(
-                tile.impact_velocity[i], 1.0 if tile.displacement[i] == 0.0 else -1.0,
-                tile.phase[i], tile.alpha[i], tile.beta[i], tile.gamma[i], tile.restitution[i],
-                0.0)
+                tile.impact_velocity[i], tile.phase[i], model_in(tile, i), 0.0)
             settle(tile, i)
         return
     if is_slow(tile.effort[i], tile.duration[i]):
         further, speed, wall, evaluations = bisect_on(
             tile.duration[i], tile.phase[i], tile.displacement[i], tile.velocity[i],
-            tile.alpha[i], tile.beta[i], tile.gamma[i])
+            model_in(tile, i))
         tile.duration[i] += further
         tile.effort[i] += evaluations
         if wall != NO_WALL:
@@ -203,11 +206,10 @@ def attend(tile: Record, i: int) -> None:
         evaluate(tile, i)
         tile.duration[i] += leap(
             tile.displacement[i], tile.moved[i], tile.velocity_now[i], tile.sine_now[i],
-            tile.cosine_now[i], tile.alpha[i], tile.beta[i], tile.gamma[i])
+            tile.cosine_now[i], model_in(tile, i))
     if tile.duration[i] >= LEG:
-        moved, tile.velocity[i] = displace_leg(
-            tile.cosine[i], tile.velocity[i], tile.alpha[i], tile.beta[i], tile.gamma[i])
-        tile.displacement[i] = min(max(tile.displacement[i] + moved, -1.0), 0.0)
+        tile.displacement[i], tile.velocity[i] = displace_leg(
+            tile.cosine[i], tile.displacement[i], tile.velocity[i], model_in(tile, i))
         tile.cycle[i] += LEG_PERIODS
         tile.duration[i] = tile.effort[i] = 0.0
         if floats(tile, i):

@@ -11,14 +11,13 @@ from .closed_form import (
     displace,
     displace_leg,
     elapsed,
-    FLYING,
     later,
     LEG,
     LEG_PERIODS,
+    model_of,
     NO_WALL,
     rebound,
     release_delay,
-    RESTING,
     rests,
     stays_clear,
     UPPER,
@@ -37,7 +36,7 @@ SEED_MAXIMUM: Final = 2**63 - 1
 # The trajectory from its last event on, and the next impact where it has been found.
 TRAJECTORY: Final = np.dtype([
     ('cycle', np.int64), ('phase', np.float64), ('displacement', np.float64),
-    ('velocity', np.float64), ('mode', np.int64), ('searched', np.float64), ('effort', np.int64),
+    ('velocity', np.float64), ('rests', np.bool_), ('searched', np.float64), ('effort', np.int64),
     ('wall', np.int64), ('impact_velocity', np.float64), ('index', np.int64), ('epoch', np.int64),
     ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
     ('restitution', np.float64), ('noise', np.float64), ('seed', np.uint64),
@@ -60,16 +59,7 @@ def settle(trajectory: Record) -> None:
     """Decide whether a trajectory rests or flies, and forget the search for its next impact."""
     t = trajectory
     t.searched, t.effort, t.wall = 0.0, 0, NO_WALL
-    is_held = rests(t.displacement, t.velocity, t.phase, t.alpha, t.beta, t.gamma)
-    t.mode = RESTING if is_held else FLYING
-
-
-@kernel
-def move_base(trajectory: Record, d: float) -> None:
-    """Move the phase of a trajectory's last event forward by a time d [1]."""
-    periods, phase = later(trajectory.phase, d)
-    trajectory.cycle += periods
-    trajectory.phase = phase
+    t.rests = rests(t.displacement, t.velocity, t.phase, model_of(t))
 
 
 @kernel
@@ -80,50 +70,46 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
     Fewer than fit into `events` means that the moment was reached; cuts of a run do not change
     events.
     """
-    t = trajectory
+    t, model = trajectory, model_of(trajectory)
     count = 0
     while count < len(events):
         left = elapsed(cycle - t.cycle, t.phase, phase)
-        if t.mode == RESTING:
-            towards = 1.0 if t.displacement == 0.0 else -1.0
-            delay = release_delay(towards, t.phase, t.alpha, t.beta, t.gamma)
+        if t.rests:
+            delay = release_delay(t.displacement, t.phase, model)
             if delay > left:
                 break
-            move_base(t, delay)
-            t.mode = FLYING
+            periods, t.phase = later(t.phase, delay)
+            t.cycle += periods
+            t.rests = False
             write_event(events[count], RELEASE, t, 0.0)
             count += 1
             continue
         if t.wall == NO_WALL and t.searched < LEG:
             t.searched, t.effort, t.impact_velocity, t.wall = search_impact(
                 t.searched, t.effort, min(left, LEG), t.phase, t.displacement, t.velocity,
-                t.alpha, t.beta, t.gamma)
+                model)
         if t.wall == NO_WALL:
             if t.searched < LEG or left < LEG:
                 break
             sine, cosine = sine_cosine(t.phase)
-            moved, velocity = displace_leg(cosine, t.velocity, t.alpha, t.beta, t.gamma)
-            t.displacement = min(max(t.displacement + moved, -1.0), 0.0)
-            t.velocity = velocity
+            t.displacement, t.velocity = displace_leg(cosine, t.displacement, t.velocity, model)
             t.cycle += LEG_PERIODS
             t.effort = 0
             # Free motion may never end: legs that need no search take a thousandth of the time.
-            is_clear = stays_clear(sine, cosine, t.displacement, t.velocity, t.alpha, t.beta,
-                                   t.gamma)
+            is_clear = stays_clear(sine, cosine, t.displacement, t.velocity, model)
             t.searched = LEG if is_clear else 0.0
             continue
         if t.searched > left:
             break
-        towards = 1.0 if t.wall == UPPER else -1.0
         before = t.impact_velocity
-        move_base(t, t.searched)
+        periods, t.phase = later(t.phase, t.searched)
+        t.cycle += periods
         t.index += 1
         kick = t.noise * gaussian(t.seed, t.index) if t.noise > 0.0 else 0.0
-        t.velocity = rebound(before, towards, t.phase, t.alpha, t.beta, t.gamma, t.restitution,
-                             kick)
+        t.velocity = rebound(before, t.phase, model, kick)
         t.displacement = 0.0 if t.wall == UPPER else -1.0
         settle(t)
-        write_event(events[count], STICK if t.mode == RESTING else IMPACT, t, before)
+        write_event(events[count], STICK if t.rests else IMPACT, t, before)
         count += 1
     return count
 
@@ -132,13 +118,13 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
 def state_at(trajectory: Record, cycle: Whole, phase: float) -> tuple[float, float]:
     """Return s and s' [1] at a moment (cycle, phase [rad]) before the next event."""
     t = trajectory
-    if t.mode == RESTING:
+    if t.rests:
         return t.displacement, 0.0
     d = max(elapsed(cycle - t.cycle, t.phase, phase), 0.0)
     if d == 0.0:
         return t.displacement, t.velocity
     sine, cosine = sine_cosine(t.phase)
-    moved, velocity, _, _ = displace(d, sine, cosine, t.velocity, t.alpha, t.beta, t.gamma)
+    moved, velocity, _, _ = displace(d, sine, cosine, t.velocity, model_of(t))
     return min(max(t.displacement + moved, -1.0), 0.0), velocity
 
 
@@ -229,9 +215,8 @@ class Simulation:
     def is_permanently_at_rest(self) -> bool:
         """Whether the driven gear rests on a wall that it never leaves at these parameters."""
         t = self._trajectory[0]
-        towards = 1.0 if t['displacement'] == 0.0 else -1.0
-        return t['mode'] == RESTING and math.isinf(
-            release_delay(towards, t['phase'], t['alpha'], t['beta'], t['gamma']))
+        return bool(t['rests']) and math.isinf(release_delay(
+            t['displacement'], t['phase'], self._parameters.model))
 
     def advance(self, cycle: int, phase: float, most: int) -> EventArray:
         """
@@ -307,8 +292,7 @@ class Simulation:
         return self._begin_epoch(EventKind.RESET)
 
     def _now(self) -> tuple[float, float]:
-        displacement, velocity = state_at(self._trajectory[0], self._cycle, self._phase)
-        return float(displacement), float(velocity)
+        return state_at(self._trajectory[0], self._cycle, self._phase)
 
     def _move_to_present(self) -> None:
         # By rounding, the last event may lie an ulp beyond the moment asked for.

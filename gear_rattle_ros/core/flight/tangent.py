@@ -3,6 +3,7 @@
 from .closed_form import acceleration
 from .elementary import logarithm, relaxation, sine_cosine
 from ..compiled import kernel
+from ..model import Model
 
 
 @kernel
@@ -13,8 +14,8 @@ def flight_matrix(d: float, beta: float) -> tuple[float, float]:
 
 
 @kernel
-def impact_matrix(phase: float, velocity: float, velocity_after: float, alpha: float, beta: float,
-                  gamma: float, restitution: float) -> tuple[float, float, float]:
+def impact_matrix(phase: float, velocity: float, velocity_after: float,
+                  model: Model) -> tuple[float, float, float]:
     """
     Return S11, S21, S22 of the saltation matrix ``S = [[v+/v-, 0], [(r a- + a+)/v-, -r]]``.
 
@@ -24,9 +25,10 @@ def impact_matrix(phase: float, velocity: float, velocity_after: float, alpha: f
     if velocity == 0.0:
         return 1.0, 0.0, 1.0
     sin_p, cos_p = sine_cosine(phase)
-    before = acceleration(sin_p, cos_p, velocity, alpha, beta, gamma)
-    after = acceleration(sin_p, cos_p, velocity_after, alpha, beta, gamma)
-    return velocity_after / velocity, (restitution * before + after) / velocity, -restitution
+    before = acceleration(sin_p, cos_p, velocity, model)
+    after = acceleration(sin_p, cos_p, velocity_after, model)
+    r = model.restitution
+    return velocity_after / velocity, (r * before + after) / velocity, -r
 
 
 @kernel

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 from typing import Final
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 from .recorded import record_impacts, starts_after
 from .settling import BOXES, cell_of, RecordArray
 from ..compiled import kernel
+from ..flight.closed_form import wall_of
 from ..flight.elementary import TWO_PI
 from ..flight.lanes_step import LANES
 from ..flight.simulation import Simulation
@@ -142,8 +142,7 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
         if not on:
             continue
         last = rows[on, -1]
-        states = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
-                              last['velocity'])
+        states = starts_after(parameters, last['phase'], last['velocity'])
         boxes = hit[members].any(axis=0).repeat(BOXES // edge, 1).repeat(BOXES // edge, 2)
         # Those that have come to rest have left, too.
         sets.append(ChaoticSet(boxes, speed, states, len(on) * length,
@@ -158,8 +157,7 @@ def mark_boxes(row, speed, boxes, edge):  # type: ignore[no-untyped-def]
     """Mark the boxes (edge by edge on each wall) that impacts hit, as `classify` numbers them."""
     for k in range(len(row)):
         velocity = row[k].velocity
-        wall = 1 if math.copysign(1.0, velocity) < 0.0 else 0
-        box = cell_of(wall, row[k].phase, abs(velocity), speed, edge)
+        box = cell_of(wall_of(velocity), row[k].phase, abs(velocity), speed, edge)
         if box >= 0:
             boxes[box] = True
 
@@ -177,8 +175,7 @@ def enough_of(parameters: Parameters, rows: RecordArray) -> RecordArray:
     if rows.shape[1] >= each:
         return np.ascontiguousarray(rows[:, :each])
     last = rows[:, -1]
-    starts = starts_after(parameters, np.signbit(last['velocity']), last['phase'],
-                          last['velocity'])
+    starts = starts_after(parameters, last['phase'], last['velocity'])
     more, made = record_impacts(fill_lanes(starts), 0, NAMED // LANES)
     return more if np.all(made == more.shape[1]) else rows
 
@@ -229,8 +226,7 @@ def seldom(rows: RecordArray, orbit: Orbit) -> float:
 
 def starts_from(orbit: Orbit) -> RecordArray:
     """Return the impacts of an orbit as starts: the same to the bit, however it was found."""
-    return starts_after(orbit.parameters, orbit.walls, np.round(orbit.phases, DIGITS),
-                        np.round(orbit.velocities, DIGITS))
+    return starts_after(orbit.parameters, *np.round(orbit.points, DIGITS).T)
 
 
 def rows_from(starts: RecordArray) -> RecordArray:

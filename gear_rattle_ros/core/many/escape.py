@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.lanes import advance, is_busy, refill, release, RUNS
+from ..flight.lanes import advance, is_busy, new_impacts, refill, release, RUNS
 from ..flight.lanes_step import LANES
 from ..orbits.section import distance
 
@@ -64,25 +64,26 @@ def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
 
 
 @kernel
-def last_until_captured(tile: Record, impacts: RecordArray, starts: RecordArray,
-                        points: FloatArray, radius: float, skip: int, wanted: int, limit: int,
-                        lifetimes: IntArray, fates: IntArray, ends: FloatArray) -> None:
+def last_until_captured(tile: Record, starts: RecordArray, points: FloatArray, radius: float,
+                        skip: int, wanted: int, limit: int
+                        ) -> tuple[IntArray, IntArray, FloatArray]:
     """
     Follow trajectories until `wanted` of them are captured after more than `skip` impacts.
 
     One is captured when q + 1 impacts in a row lie within `radius` [rad, 1] of an orbit's `points`
-    (phases and velocities, shape (q, 2)), and given up after `limit` impacts. `lifetimes` receives
-    the impacts until then, `fates` CAPTURED, SURVIVED, ENDED or UNUSED, and `ends` phase,
-    displacement and velocity [rad, 1, 1]. No time goes into waiting for a last long transient.
+    (phases and velocities, shape (q, 2)), and given up after `limit` impacts. Returns the impacts
+    until then, CAPTURED, SURVIVED, ENDED or UNUSED, and the last phase, displacement and velocity
+    [rad, 1, 1] of each. No time goes into waiting for a last long transient.
     """
     q = len(points)
+    lifetimes, fates = np.zeros(len(starts), np.int64), np.full(len(starts), UNUSED)
+    ends = np.zeros((len(starts), 3))
+    impacts = new_impacts(STEPS)
     # Impacts in a row that were near the orbit, and the point that the last was near.
     row = np.zeros(LANES, np.int64)
     where = np.zeros(LANES, np.int64)
     made = np.zeros(LANES, np.int64)
     late = 0
-    fates[:] = UNUSED
-    lifetimes[:] = 0
     following = refill(tile, starts, 0, math.inf)
     while late < wanted and (following < len(starts) or is_busy(tile)):
         advance(tile, impacts, STEPS)
@@ -90,7 +91,6 @@ def last_until_captured(tile: Record, impacts: RecordArray, starts: RecordArray,
             start = tile.start[i]
             if start < 0:
                 continue
-            done = False
             for k in range(tile.count[i]):
                 one = impacts[i, k]
                 made[i] += 1
@@ -108,23 +108,20 @@ def last_until_captured(tile: Record, impacts: RecordArray, starts: RecordArray,
                 else:
                     row[i] = 0
                 if row[i] > q or made[i] >= limit:
-                    fates[start] = CAPTURED if row[i] > q else SURVIVED
-                    lifetimes[start] = made[i] - (row[i] if row[i] > q else 0)
-                    if row[i] > q and lifetimes[start] > skip:
-                        late += 1
-                    done = True
                     break
-            if not done and tile.end[i] != RUNS:
+            is_caught, is_late = row[i] > q, made[i] >= limit
+            lifetimes[start] = made[i] - (row[i] if is_caught else 0)
+            fates[start] = SURVIVED
+            if is_caught:
+                fates[start] = CAPTURED
+                late += 1 if lifetimes[start] > skip else 0
+            elif tile.end[i] != RUNS and not is_late:
                 fates[start] = ENDED
-                lifetimes[start] = made[i]
-                done = True
-            if not done:
-                fates[start] = SURVIVED
-                lifetimes[start] = made[i]
             ends[start, 0] = tile.phase[i]
             ends[start, 1] = tile.displacement[i]
             ends[start, 2] = tile.velocity[i]
-            if done:
+            if is_caught or is_late or tile.end[i] != RUNS:
                 release(tile, i)
                 row[i] = made[i] = 0
         following = refill(tile, starts, following, math.inf)
+    return lifetimes, fates, ends

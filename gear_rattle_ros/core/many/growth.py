@@ -5,13 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from .settling import STEPS as STEPS
-from .velocity_counts import is_stuck
+from .settling import STEPS
 from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import elapsed
+from ..flight import lanes
+from ..flight.closed_form import elapsed, sticks
 from ..flight.elementary import length, logarithm
-from ..flight.lanes import advance, EMPTY, FLOATS, is_busy, refill, release, RESTS
 from ..flight.lanes_step import LANES
 from ..flight.tangent import flight_matrix, impact_matrix
 
@@ -26,8 +25,7 @@ def largest_singular(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel
-def grow(tile: Record, impacts: RecordArray, starts: RecordArray, count: int,
-         exponents: FloatArray) -> int:
+def grow(tile: Record, starts: RecordArray, count: int, exponents: FloatArray) -> int:
     """
     Follow initial conditions for `count` impacts with their tangent; return the impacts made.
 
@@ -35,61 +33,53 @@ def grow(tile: Record, impacts: RecordArray, starts: RecordArray, count: int,
     matrices (Ott, Chaos in Dynamical Systems, ch. 4.4): -inf where the gear sticks or comes to
     rest, nan where it floats between the walls.
     """
-    product = np.zeros((LANES, 4))
-    scale = np.zeros(LANES)
-    cycle = np.zeros(LANES, np.int64)
-    phase = np.zeros(LANES)
-    following = 0
-    total = 0
+    product, scale = np.zeros((len(starts), 4)), np.zeros(len(starts))
+    product[:, 0] = product[:, 3] = 1.0
+    cycle, phase = np.zeros(len(starts), np.int64), starts['phase'].copy()
+    impacts = lanes.new_impacts(STEPS)
+    following = total = 0
     while True:
-        before = following
-        following = refill(tile, starts, following, float(count))
-        for i in range(LANES):
-            if tile.start[i] >= before:
-                product[i, 0] = product[i, 3] = 1.0
-                product[i, 1] = product[i, 2] = scale[i] = 0.0
-                cycle[i], phase[i] = 0, starts[tile.start[i]].phase
-        if not is_busy(tile):
+        following = lanes.refill(tile, starts, following, float(count))
+        if not lanes.is_busy(tile):
             return total
-        advance(tile, impacts, STEPS)
+        lanes.advance(tile, impacts, STEPS)
         for i in range(LANES):
-            number = tile.start[i]
-            if number == EMPTY:
+            n = tile.start[i]
+            if n == lanes.EMPTY:
                 continue
             total += tile.count[i]
+            model = lanes.model_in(tile, i)
             stuck = False
             for k in range(tile.count[i]):
                 one = impacts[i, k]
-                if is_stuck(one, math.copysign(1.0, one.velocity), tile, i):
+                if sticks(one.velocity, one.phase, model):
                     stuck = True
                     break
-                d = elapsed(one.cycle - cycle[i], phase[i], one.phase)
-                cycle[i], phase[i] = one.cycle, one.phase
-                integral, decay = flight_matrix(d, tile.beta[i])
+                d = elapsed(one.cycle - cycle[n], phase[n], one.phase)
+                cycle[n], phase[n] = one.cycle, one.phase
+                integral, decay = flight_matrix(d, model.beta)
                 s11, s21, s22 = impact_matrix(
-                    one.phase, one.velocity, -tile.restitution[i] * one.velocity, tile.alpha[i],
-                    tile.beta[i], tile.gamma[i], tile.restitution[i])
+                    one.phase, one.velocity, -model.restitution * one.velocity, model)
                 size = 0.0
                 for j in range(2):
-                    s = product[i, j] + integral * product[i, j + 2]
-                    v = decay * product[i, j + 2]
-                    product[i, j] = s11 * s
-                    product[i, j + 2] = s21 * s + s22 * v
-                    size += abs(product[i, j]) + abs(product[i, j + 2])
+                    s = product[n, j] + integral * product[n, j + 2]
+                    v = decay * product[n, j + 2]
+                    product[n, j] = s11 * s
+                    product[n, j + 2] = s21 * s + s22 * v
+                    size += abs(product[n, j]) + abs(product[n, j + 2])
                 if size > LARGE or size < 1.0 / LARGE:
                     if size == 0.0:
                         stuck = True
                         break
-                    scale[i] += logarithm(size)
-                    for j in range(4):
-                        product[i, j] /= size
-            if stuck or tile.end[i] == RESTS:
-                exponents[number] = -math.inf
-            elif tile.end[i] == FLOATS:
-                exponents[number] = math.nan
+                    scale[n] += logarithm(size)
+                    product[n] /= size
+            if stuck or tile.end[i] == lanes.RESTS:
+                exponents[n] = -math.inf
+            elif tile.end[i] == lanes.FLOATS:
+                exponents[n] = math.nan
             elif tile.left[i] > 0.0:
                 continue
             else:
-                exponents[number] = (scale[i] + logarithm(largest_singular(
-                    product[i, 0], product[i, 1], product[i, 2], product[i, 3]))) / count
-            release(tile, i)
+                exponents[n] = (scale[n] + logarithm(largest_singular(
+                    product[n, 0], product[n, 1], product[n, 2], product[n, 3]))) / count
+            lanes.release(tile, i)

@@ -66,9 +66,7 @@ def _stays(orbit: Orbit, k: int, offsets: FloatArray, form: FloatArray, toleranc
     velocities = orbit.velocities[k] + offsets[1]
     if np.any(np.signbit(velocities) != bool(orbit.walls[k])):
         return False
-    rows, counts = record_impacts(
-        starts_after(orbit.parameters, np.full(len(phases), orbit.walls[k]), phases, velocities),
-        0, q)
+    rows, counts = record_impacts(starts_after(orbit.parameters, phases, velocities), 0, q)
     if np.any(counts < q):
         return False
     order = (k + 1 + np.arange(q)) % q

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .settling import CELLS, ENTRY, POINT, SETTINGS, Table
+from .settling import CELLS, ENTRY, POINT, Table
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import TWO_PI
 from ..flight.lanes import EMPTY
@@ -28,14 +28,9 @@ def make_table(orbits: Sequence[Orbit], tolerance: float, *,
     greatest speed [1]; after `stay` impacts in them a trajectory has settled. Raises ValueError
     for too many points.
     """
-    settings = np.zeros(1, SETTINGS)
     fastest = max((float(np.max(np.abs(orbit.velocities))) for orbit in orbits), default=0.0)
     speed = ROOM * fastest + 2.0 * tolerance
-    settings['tolerance'] = tolerance
-    settings['speed'] = speed
-    settings['box_speed'] = box_speed
-    settings['stay'] = stay
-    settings['sticks'] = EMPTY
+    sticks = np.full(2, EMPTY)
     points = np.zeros(sum(orbit.impacts for orbit in orbits), POINT)
     first = 0
     for number, orbit in zip(numbers or range(len(orbits)), orbits, strict=True):
@@ -48,7 +43,7 @@ def make_table(orbits: Sequence[Orbit], tolerance: float, *,
         own['form'] = np.inf if orbit.forms is None else orbit.forms
         own['following'] = first + (1 + np.arange(q)) % q
         if orbit.sticks != NO_WALL:
-            settings['sticks'][0, orbit.sticks] = number
+            sticks[orbit.sticks] = number
         first += q
     heads = np.full(2 * CELLS * CELLS, EMPTY, np.int16)
     entries: list[tuple[int, int]] = []
@@ -61,7 +56,8 @@ def make_table(orbits: Sequence[Orbit], tolerance: float, *,
     listed = np.zeros(max(1, len(entries)), ENTRY)
     if entries:
         listed['point'], listed['following'] = np.array(entries).T
-    return Table(settings, points if len(points) else np.zeros(1, POINT), heads, listed,
+    return Table(float(tolerance), speed, float(box_speed), int(stay), sticks,
+                 points if len(points) else np.zeros(1, POINT), heads, listed,
                  np.ascontiguousarray(boxes, np.int8).ravel())
 
 

@@ -1,33 +1,26 @@
 """Stable periodic orbits recognised in the impacts of a trajectory."""
 
 import dataclasses
-import math
 
 import numpy as np
 
 from .neighbourhood import attracted
 from ..arrays import RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import elapsed, is_pressed
-from ..flight.elementary import sine_cosine
-from ..model import Parameters, STICKING_SPEED, Wall
+from ..flight.closed_form import sticks, wall_of
+from ..flight.elementary import TWO_PI
+from ..model import Model, Parameters, Wall
 from ..orbits.orbit import close_near, Orbit
 from ..orbits.section import shortest_recurrence
 
 
 @kernel
-def last_sticks(row: RecordArray, restitution: float, alpha: float, beta: float, gamma: float,
-                wall: int) -> tuple[int, int]:
+def last_sticks(row: RecordArray, model: Model, wall: int) -> tuple[int, int]:
     """Return the places of the last two impacts that stick to a wall, -1 for none."""
     last = -1
     for k in range(len(row) - 1, -1, -1):
         velocity = row[k].velocity
-        if (math.copysign(1.0, velocity) < 0.0) != (wall == 1):
-            continue
-        if not abs(restitution * velocity) < STICKING_SPEED:
-            continue
-        sine, cosine = sine_cosine(row[k].phase)
-        if not is_pressed(1.0 - 2.0 * wall, sine, cosine, alpha, beta, gamma):
+        if wall_of(velocity) != wall or not sticks(velocity, row[k].phase, model):
             continue
         if last >= 0:
             return k, last
@@ -43,9 +36,8 @@ def find_orbit(parameters: Parameters, row: RecordArray, longest: int,
     Its period is at most `longest` impacts unless it sticks; None where nothing recurs within the
     tolerance [1], or what recurs is unstable.
     """
-    p = parameters
     for wall in Wall:
-        first, last = last_sticks(row, p.restitution, p.alpha, p.beta, p.gamma, int(wall))
+        first, last = last_sticks(row, parameters.model, int(wall))
         if first >= 0:
             # From one release to the next nothing differs: the orbit is what has been seen.
             return _observed(parameters, row[first:last + 1], wall).canonical()
@@ -64,9 +56,7 @@ def with_neighbourhood(orbit: Orbit, tolerance: float) -> Orbit | None:
 
 
 def _observed(parameters: Parameters, row: RecordArray, sticks: Wall) -> Orbit:
-    q = len(row) - 1
-    times = [elapsed(row['cycle'][k + 1] - row['cycle'][k], row['phase'][k], row['phase'][k + 1])
-             for k in range(q)]
+    times = np.diff(row['cycle']) * TWO_PI + np.diff(row['phase'])
     return Orbit(parameters, np.signbit(row['velocity'][1:]).astype(np.int64),
-                 np.stack([row['phase'][1:], row['velocity'][1:]], axis=1), np.array(times),
+                 np.stack([row['phase'][1:], row['velocity'][1:]], axis=1), times,
                  int(row['cycle'][-1] - row['cycle'][0]), np.zeros(2, np.complex128), int(sticks))

@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Record, RecordArray as RecordArray, Whole
+from ..arrays import IntArray, Record, RecordArray as RecordArray, Whole
 from ..compiled import kernel
-from ..flight.closed_form import elapsed, is_pressed, later, LOWER, release_delay, UPPER
-from ..flight.elementary import sine_cosine, TWO_PI
-from ..flight.lanes import advance, EMPTY, FLOATS, is_busy, refill, release, RESTS
+from ..flight.closed_form import elapsed, later, model_of, release_delay, rests, sticks, wall_of
+from ..flight.elementary import TWO_PI
+from ..flight.lanes import advance, EMPTY, FLOATS, is_busy, new_impacts, refill, release, RESTS
 from ..flight.lanes_step import LANES
 from ..model import STICKING_SPEED
 from ..orbits.section import distance
@@ -45,15 +45,6 @@ POINT: Final = np.dtype([
 ], align=True)
 # Points that lie near a cell, in a list: the point, the entry after this one or -1.
 ENTRY: Final = np.dtype([('point', np.int64), ('following', np.int64)], align=True)
-SETTINGS: Final = np.dtype([
-    ('tolerance', np.float64),
-    # Greatest speed of the cells, and of the boxes of chaotic attractors.
-    ('speed', np.float64), ('box_speed', np.float64),
-    # Impacts in the cells of a chaotic attractor after which a trajectory has settled.
-    ('stay', np.int64),
-    # Attractor that sticks to the upper, to the lower wall; EMPTY for none.
-    ('sticks', np.int64, 2),
-], align=True)
 # What is known of the trajectory in a lane.
 WATCH: Final = np.dtype([
     ('impacts', np.int64), ('cycle', np.int64), ('phase', np.float64),
@@ -78,7 +69,11 @@ RESULT: Final = np.dtype([
 class Table(NamedTuple):
     """Known attractors, ready to be recognised."""
 
-    settings: RecordArray  # SETTINGS, shape (1,)
+    tolerance: float
+    speed: float  # greatest of the cells [1]
+    box_speed: float  # greatest of the boxes of chaotic attractors [1]
+    stay: int  # impacts in these after which a trajectory has settled
+    sticks: IntArray  # attractor that sticks to the upper, to the lower wall; EMPTY for none
     points: RecordArray  # POINT: all points of all periodic orbits
     heads: npt.NDArray[np.int16]  # first entry of each cell or EMPTY, shape (2 * CELLS * CELLS,)
     entries: RecordArray  # ENTRY: lists of points
@@ -117,16 +112,9 @@ def is_caught(point: Record, phase: float, velocity: float) -> bool:
 
 
 @kernel
-def is_held(wall: int, phase: float, start: Record) -> bool:
-    """Whether a gear at rest on a wall is pressed against it."""
-    sine, cosine = sine_cosine(phase)
-    return is_pressed(1.0 - 2.0 * wall, sine, cosine, start.alpha, start.beta, start.gamma)
-
-
-@kernel
-def note_stick(w: Record, wall: int, phase: float, start: Record) -> None:
+def note_stick(w: Record, displacement: float, phase: float, start: Record) -> None:
     """Note when the gear first sticks, and at which phase it leaves."""
-    delay = release_delay(1.0 - 2.0 * wall, phase, start.alpha, start.beta, start.gamma)
+    delay = release_delay(displacement, phase, model_of(start))
     if w.stick == EMPTY and delay < math.inf:
         w.stick = w.impacts
         w.release = later(phase, delay)[1]
@@ -135,11 +123,10 @@ def note_stick(w: Record, wall: int, phase: float, start: Record) -> None:
 @kernel
 def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole, int]:
     """Compare one impact with the table; return label and lifetime, EMPTY and 0 if not settled."""
-    settings = table.settings[0]
-    tolerance = settings.tolerance
+    tolerance = table.tolerance
     phase = impact.phase
     velocity = impact.velocity
-    wall = LOWER if math.copysign(1.0, velocity) < 0.0 else UPPER
+    wall = wall_of(velocity)
     first = w.impacts == 0
     flight_time = math.nan if first else elapsed(impact.cycle - w.cycle, w.phase, phase)
     w.impacts += 1
@@ -153,7 +140,7 @@ def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole
             if is_caught(point, phase, velocity):
                 return point.attractor, w.since
             w.point = point.following
-    cell = cell_of(wall, phase, abs(velocity), settings.speed, CELLS)
+    cell = cell_of(wall, phase, abs(velocity), table.speed, CELLS)
     if cell >= 0:
         nearest = math.inf
         entry = table.heads[cell]
@@ -174,18 +161,17 @@ def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole
                     nearest = apart
                     w.point = point.following
                     w.since = n
-    if (abs(start.restitution * velocity) < STICKING_SPEED and start.restitution < 1.0
-            and is_held(wall, phase, start)):
-        if settings.sticks[wall] != EMPTY:
-            return settings.sticks[wall], n
-        note_stick(w, wall, phase, start)
+    if sticks(velocity, phase, model_of(start)):
+        if table.sticks[wall] != EMPTY:
+            return table.sticks[wall], n
+        note_stick(w, -1.0 * wall, phase, start)
     if len(table.boxes) > 0:
-        box = cell_of(wall, phase, abs(velocity), settings.box_speed, BOXES)
+        box = cell_of(wall, phase, abs(velocity), table.box_speed, BOXES)
         inside = table.boxes[box] if box >= 0 else EMPTY
         if inside != w.box:
             w.box = inside
             w.box_since = n
-        if inside != EMPTY and n - w.box_since + 1 >= settings.stay:
+        if inside != EMPTY and n - w.box_since + 1 >= table.stay:
             return np.int64(inside), w.box_since
     return EMPTY, 0
 
@@ -195,9 +181,8 @@ def uneventful(row: RecordArray, first: int, count: int, restitution: float, tab
     """Return the place of the first impact from `first` on that `watch` has to see, or `count`."""
     # Those before it are near no orbit and too fast to stick; the trajectory must be near no orbit
     # so far, and the table without chaotic attractors.
-    settings = table.settings[0]
     heads = table.heads
-    along_speed = CELLS / settings.speed
+    along_speed = CELLS / table.speed
     along_phase = CELLS / TWO_PI
     for k in range(first, count):
         velocity = row[k].velocity
@@ -205,7 +190,7 @@ def uneventful(row: RecordArray, first: int, count: int, restitution: float, tab
         # Beyond the greatest speed, the last cell stands for none.
         level = np.uint64(min(speed * along_speed, CELLS - 1.0))
         column = np.uint64(min(row[k].phase * along_phase, CELLS - 1.0))
-        side = np.uint64(1 if math.copysign(1.0, velocity) < 0.0 else 0)
+        side = np.uint64(wall_of(velocity))
         cell = (side * np.uint64(CELLS) + level) * np.uint64(CELLS) + column
         if heads[cell] != EMPTY or restitution * speed < STICKING_SPEED:
             return k
@@ -222,13 +207,14 @@ def finish(tile: Record, i: int, result: Record, label: int, lifetime: int, impa
 
 
 @kernel
-def classify(tile: Record, impacts: RecordArray, watches: RecordArray, starts: RecordArray,
-             cap: int, table: Table, results: RecordArray) -> int:
+def classify(tile: Record, starts: RecordArray, cap: int, table: Table,
+             results: RecordArray) -> int:
     """
     Follow initial conditions until they settle or have made `cap` impacts; return all impacts.
 
-    `results` receives a RESULT each; `watches` (one per lane) and `impacts` are working memory.
+    `results` receives a RESULT each.
     """
+    impacts, watches = new_impacts(STEPS), np.zeros(LANES, WATCH)
     following = 0
     total = 0
     skips = len(table.boxes) == 0
@@ -241,10 +227,8 @@ def classify(tile: Record, impacts: RecordArray, watches: RecordArray, starts: R
                 w.impacts, w.release = 0, math.nan
                 w.point = w.box = w.stick = EMPTY
                 start = starts[tile.start[i]]
-                if start.velocity == 0.0 and start.displacement in (0.0, -1.0):
-                    held = int(-start.displacement)
-                    if is_held(held, start.phase, start):
-                        note_stick(w, held, start.phase, start)
+                if rests(start.displacement, start.velocity, start.phase, model_of(start)):
+                    note_stick(w, start.displacement, start.phase, start)
         if not is_busy(tile):
             return total
         advance(tile, impacts, STEPS)

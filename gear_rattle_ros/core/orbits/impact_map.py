@@ -2,49 +2,49 @@
 
 import math
 
+import numpy as np
+
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
-from ..flight.closed_form import acceleration, is_pressed, later, LEG, NO_WALL, UPPER
+from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPER
 from ..flight.elementary import relaxation, sine_cosine
 from ..flight.first_impact import search_impact
-from ..model import STICKING_SPEED
+from ..model import Model
 
 
 @kernel
-def next_impact(wall: int, phase: float, velocity: float, alpha: float, beta: float, gamma: float,
-                restitution: float) -> tuple[int, int, float, float, float]:
+def next_impact(wall: int, phase: float, velocity: float,
+                model: Model) -> tuple[int, int, float, float, float]:
     """
     Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1].
 
     The wall is NO_WALL where the gear sticks first or meets no wall in a leg: there the map is not
     smooth, or not defined.
     """
-    towards = 1.0 if wall == UPPER else -1.0
-    after = -restitution * velocity
-    if abs(after) < STICKING_SPEED:
-        sine, cosine = sine_cosine(phase)
-        if is_pressed(towards, sine, cosine, alpha, beta, gamma):
-            return NO_WALL, 0, phase, velocity, 0.0
     s0 = 0.0 if wall == UPPER else -1.0
-    d, _, before, hit = search_impact(0.0, 0, LEG, phase, s0, after, alpha, beta, gamma)
+    if sticks(velocity, phase, model):
+        return NO_WALL, 0, phase, velocity, 0.0
+    d, _, before, hit = search_impact(
+        0.0, 0, LEG, phase, s0, -model.restitution * velocity, model)
     cycles, phase_hit = later(phase, d)
     return hit, cycles, phase_hit, before, d
 
 
 @kernel
 def derivatives(phase: float, velocity: float, d: float, phase_next: float, velocity_next: float,
-                alpha: float, beta: float, gamma: float, restitution: float) -> tuple[float, ...]:
+                model: Model) -> tuple[float, ...]:
     """
     Differentiate an impact by the phase and velocity of the one before, and by alpha.
 
     The derivatives of its phase come first, then those of its velocity, which is not zero.
     """
-    decay, integral, _ = relaxation(d, beta)
+    restitution = model.restitution
+    decay, integral, _ = relaxation(d, model.beta)
     sine, cosine = sine_cosine(phase)
     sine_next, cosine_next = sine_cosine(phase_next)
     after = -restitution * velocity
-    leaving = acceleration(sine, cosine, after, alpha, beta, gamma)
-    meeting = acceleration(sine_next, cosine_next, velocity_next, alpha, beta, gamma)
+    leaving = acceleration(sine, cosine, after, model)
+    meeting = acceleration(sine_next, cosine_next, velocity_next, model)
     # At fixed time: a later take-off is a state that lies that much behind.
     way_phase = -after - integral * leaving
     way_velocity = -restitution * integral
@@ -62,32 +62,24 @@ def derivatives(phase: float, velocity: float, d: float, phase_next: float, velo
 
 
 @kernel
-def shoot(walls: IntArray, points: FloatArray, alpha: float, beta: float, gamma: float,
-          restitution: float, defects: FloatArray, jacobian: FloatArray,
-          times: FloatArray) -> bool:
-    """
-    Map every impact of a closed sequence on; False where a flight ends at another wall.
-
-    `defects` receives how far it is from closing [rad, 1], `jacobian` their derivatives by the
-    points and, in the last column, by alpha, and `times` the flight times [1].
-    """
+def shoot(walls: IntArray, points: FloatArray,
+          model: Model) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
+    """Map a closed sequence on: whether each flight ends at the next wall, and a `Shot`."""
     q = len(walls)
-    jacobian[:] = 0.0
+    defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
     for k in range(q):
         n = (k + 1) % q
-        hit, _, phase, velocity, d = next_impact(
-            walls[k], points[k, 0], points[k, 1], alpha, beta, gamma, restitution)
+        hit, _, phase, velocity, d = next_impact(walls[k], points[k, 0], points[k, 1], model)
         if hit != walls[n] or velocity == 0.0:
-            return False
+            return False, defects, jacobian, times
         times[k] = d
         apart = phase - points[n, 0]
         defects[2 * k] = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi) + 0.5)
         defects[2 * k + 1] = velocity - points[n, 1]
-        one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, alpha, beta, gamma,
-                          restitution)
+        one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
         for row in range(2):
             jacobian[2 * k + row, 2 * k] = one[3 * row]
             jacobian[2 * k + row, 2 * k + 1] = one[3 * row + 1]
             jacobian[2 * k + row, 2 * q] = one[3 * row + 2]
             jacobian[2 * k + row, 2 * n + row] -= 1.0
-    return True
+    return True, defects, jacobian, times

@@ -21,6 +21,7 @@ from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import exp_minus, logarithm, TWO_PI
+from ..model import Model
 
 # The unstable manifold is straight this far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6
@@ -96,22 +97,20 @@ def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
 
 @kernel
 def returns(places: FloatArray, seed: float, wall: int, period: int, point: FloatArray,
-            unstable: FloatArray, rows: FloatArray, expansion: float, impacts: int, alpha: float,
-            beta: float, gamma: float, restitution: float, distances: FloatArray,
-            numbers: IntArray) -> None:
+            unstable: FloatArray, rows: FloatArray, expansion: float, impacts: int,
+            model: Model) -> tuple[FloatArray, IntArray]:
     """
     Map points of the unstable manifold on and find their farthest return.
 
-    Places are in periods of the saddle [1] from the distance `seed` on. `distances` receives how
-    far beyond the stable manifold they come [1] (NEVER without a return), `numbers` after how many
-    impacts.
+    Places are in periods of the saddle [1] from the distance `seed` on. Returns how far beyond the
+    stable manifold they come [1] (NEVER without a return), and after how many impacts.
     """
+    distances = np.full(len(places), NEVER)
+    numbers = np.full(len(places), -1)
     entered = np.empty(period, np.int64)
     crossed = np.empty(period)
     rate = logarithm(expansion)
     for i in range(len(places)):
-        distances[i] = NEVER
-        numbers[i] = -1
         entered[:] = -1
         aside = seed * exp_minus(-places[i] * rate)
         phase = point[0] + aside * unstable[0]
@@ -119,8 +118,7 @@ def returns(places: FloatArray, seed: float, wall: int, period: int, point: Floa
         here = wall
         away = False
         for n in range(1, impacts + 1):
-            here, _, phase, velocity, _ = next_impact(
-                here, phase, velocity, alpha, beta, gamma, restitution)
+            here, _, phase, velocity, _ = next_impact(here, phase, velocity, model)
             if here == NO_WALL:
                 break
             turn = phase - point[0]
@@ -147,6 +145,7 @@ def returns(places: FloatArray, seed: float, wall: int, period: int, point: Floa
                 if crossed[c] > distances[i]:
                     distances[i] = crossed[c]
                     numbers[i] = entered[c]
+    return distances, numbers
 
 
 def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candidates: int = 12,
@@ -161,12 +160,10 @@ def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candi
     any return `distance` is `NEVER`.
     """
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        p = saddle.orbit.parameters
-        distances, numbers = np.empty(len(places)), np.empty(len(places), np.int64)
-        returns(places, seed, int(saddle.orbit.walls[0]), saddle.orbit.impacts,
-                saddle.orbit.points[0], saddle.unstable, saddle.rows, saddle.expansion, impacts,
-                p.alpha, p.beta, p.gamma, p.restitution, distances, numbers)
-        return distances, numbers
+        orbit = saddle.orbit
+        return returns(places, seed, int(orbit.walls[0]), orbit.impacts, orbit.points[0],
+                       saddle.unstable, saddle.rows, saddle.expansion, impacts,
+                       orbit.parameters.model)
 
     places = (np.arange(samples) + offset) / samples
     if near is not None:

@@ -131,11 +131,8 @@ class Shot:
 
 def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters) -> Shot | None:
     """Map a closed sequence of impacts on; None where a flight sticks or ends at another wall."""
-    q, p = len(walls), parameters
-    defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
-    closed = shoot(walls, points, p.alpha, p.beta, p.gamma, p.restitution, defects, jacobian,
-                   times)
-    return Shot(defects, jacobian, times) if closed else None
+    closed, *shot = shoot(walls, points, parameters.model)
+    return Shot(*shot) if closed else None
 
 
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,

@@ -73,30 +73,15 @@ def compare(last: RecordArray, events: RecordArray, jumps: npt.NDArray[np.int32]
 
 
 class StreamGuard:
-    """
-    Cut a stream, given in batches of any size, where it has a hole.
-
-    Attributes
-    ----------
-    lost : int
-        Impacts that were never seen.
-    gaps : int
-        Holes found.
-    restarts : int
-        Times the numbering began anew.
-    first_index : int or None
-        Number of the last impact in or before the first record seen.
-    holes : deque of Hole
-        The latest holes.
-
-    """
+    """Cut a stream, given in batches of any size, where it has a hole."""
 
     def __init__(self) -> None:
-        self.holes: deque[Hole] = deque(maxlen=LATEST_HOLES)
+        self.holes: deque[Hole] = deque(maxlen=LATEST_HOLES)  # the latest
+        # Number of the last impact in or before the first record seen.
         self.first_index: int | None = None
-        self.lost = 0
-        self.gaps = 0
-        self.restarts = 0
+        self.lost = 0  # impacts that were never seen
+        self.gaps = 0  # holes found
+        self.restarts = 0  # times the numbering began anew
         self._last: EventArray | None = None
 
     def split(self, events: EventArray) -> list[Piece]:

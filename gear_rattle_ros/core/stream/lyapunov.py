@@ -9,7 +9,7 @@ import numpy as np
 from .guard import StreamGuard
 from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import elapsed
+from ..flight.closed_form import elapsed, model_of
 from ..flight.elementary import length, logarithm, sine_cosine
 from ..flight.tangent import flight_matrix, impact_matrix, log_determinant
 from ..model import EventArray, EventKind
@@ -228,8 +228,7 @@ def follow(estimate: Record, ring: FloatArray, marks: IntArray, last: RecordArra
                 set_identity(basis)
             else:
                 s11, s21, s22 = impact_matrix(
-                    event.phase, event.velocity, event.velocity_after, p.alpha, p.beta, p.gamma,
-                    p.restitution)
+                    event.phase, event.velocity, event.velocity_after, model_of(p))
                 basis[1] = s21 * basis[0] + s22 * basis[1]
                 basis[3] = s21 * basis[2] + s22 * basis[3]
                 basis[0] *= s11

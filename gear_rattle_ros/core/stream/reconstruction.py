@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import FloatArray, Record
 from ..compiled import kernel
-from ..flight.closed_form import displace, elapsed, rests
+from ..flight.closed_form import displace, elapsed, model_of, rests
 from ..flight.elementary import sine_cosine, TWO_PI
 from ..model import EventArray, EventKind
 
@@ -27,8 +27,7 @@ class Motion:
 def rests_after(event: Record) -> bool:
     """Whether the gear sticks, or was set down on a wall against which it is pressed."""
     return event.kind != RELEASE and rests(
-        event.displacement, event.velocity_after, event.phase, event.alpha, event.beta,
-        event.gamma)
+        event.displacement, event.velocity_after, event.phase, model_of(event))
 
 
 @kernel
@@ -37,23 +36,16 @@ def state_after(event: Record, d: float) -> tuple[float, float]:
     if rests_after(event):
         return event.displacement, 0.0
     sine, cosine = sine_cosine(event.phase)
-    moved, velocity, _, _ = displace(d, sine, cosine, event.velocity_after, event.alpha,
-                                     event.beta, event.gamma)
+    moved, velocity, _, _ = displace(d, sine, cosine, event.velocity_after, model_of(event))
     return event.displacement + moved, velocity
-
-
-@kernel
-def pieces(duration: float, step: float) -> int:
-    """Count the equal steps, none longer than `step` [1], in which a flight is sampled."""
-    return max(1, int(math.ceil(duration / step)))
 
 
 @kernel
 def sample(events: EventArray, starts: FloatArray, step: float, tau: FloatArray,
            displacement: FloatArray, velocity: FloatArray) -> int:
     """Sample the motion between each event and the next; return the number of samples."""
-    # They begin a time `starts` after each event and are at most `step` apart [1]. Without room
-    # for them they are only counted.
+    # They begin a time `starts` after each event, equally spaced by at most `step` [1]. Without
+    # room for them they are only counted.
     count = 0
     last = events[-1]
     for i in range(len(events) - 1):
@@ -65,7 +57,7 @@ def sample(events: EventArray, starts: FloatArray, step: float, tau: FloatArray,
         begin = starts[i]
         if begin > duration:
             continue
-        number = pieces(duration - begin, step)
+        number = max(1, int(math.ceil((duration - begin) / step)))
         if len(tau):
             back = -np.int64(np.uint32(last.cycle - event.cycle)) * TWO_PI
             for j in range(number + 1):

@@ -9,7 +9,7 @@ import numpy as np
 from .guard import Hole
 from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import elapsed, FLYING
+from ..flight.closed_form import elapsed
 from ..flight.simulation import run, settle, state_at, TRAJECTORY, write_event
 from ..model import EVENT, EventArray, EventKind
 
@@ -48,7 +48,7 @@ def depart(trajectory: Record, event: Record) -> None:
         event.alpha, event.beta, event.gamma, event.restitution)
     settle(t)
     if event.kind == RELEASE:
-        t.mode = FLYING
+        t.rests = False
 
 
 @kernel

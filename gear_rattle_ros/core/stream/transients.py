@@ -11,7 +11,7 @@ from .guard import StreamGuard
 from .lyapunov import RunningLyapunov
 from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import elapsed, LOWER, NO_WALL, release_delay, rests, UPPER
+from ..flight.closed_form import elapsed, LOWER, model_of, NO_WALL, release_delay, rests, UPPER
 from ..flight.elementary import TWO_PI
 from ..model import EventArray, EventKind, Parameters
 from ..orbits.orbit import close_orbit, Orbit
@@ -153,10 +153,9 @@ class TransientReport:
 @kernel
 def rests_permanently(event: Record) -> bool:
     """Whether the gear is, after an event, permanently at rest on a wall."""
-    e = event
-    towards = 1.0 if e.displacement == 0.0 else -1.0
-    return (rests(e.displacement, e.velocity_after, e.phase, e.alpha, e.beta, e.gamma)
-            and release_delay(towards, e.phase, e.alpha, e.beta, e.gamma) == math.inf)
+    model = model_of(event)
+    return (rests(event.displacement, event.velocity_after, event.phase, model)
+            and release_delay(event.displacement, event.phase, model) == math.inf)
 
 
 @kernel
