@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from .recorded import record_impacts, starts_after
 from .settling import BOXES, cell_of, RecordArray
+from ..arrays import FloatArray, IntArray, Record, Whole
 from ..compiled import kernel
 from ..flight.closed_form import wall_of
 from ..flight.elementary import TWO_PI
@@ -19,34 +20,33 @@ from ..orbits.orbit import close_near, Orbit
 from ..orbits.section import distance, distances, shortest_recurrence
 from ..stream.lyapunov import LyapunovReport, RunningLyapunov
 
-# Trajectories that have so much of their boxes in common are on the same set.
+# Trajectories that share at least this part of their boxes are on the same set.
 OVERLAP: Final = 0.5
-# The orbit that names a set: its longest period, how near impacts must recur, and how near others
-# are taken to lead to the same; the orbits that are tried for a period, the impacts that are
-# searched, and the share of them that come near to each of its points.
+# The orbit that names a set: its longest period, how near impacts must recur, how near those are
+# that lead to the same orbit, the orbits tried for a period, the impacts that are searched, and
+# the share of them that comes near to each of its points.
 LONGEST: Final = 64
 RECURS: Final = 0.06
 ALIKE: Final = 0.01
 TRIED: Final = 60
 NAMED: Final = 96_000
 VISITED: Final = 6e-5
-# So many times as often they come near to an orbit beyond doubt.
+# This many times that share is beyond doubt.
 CERTAIN: Final = 3.0
 UNNAMED: Final = 'none'
-# What decides otherwise: so many impacts from the orbit itself, its points rounded to so many
-# digits, after those that lead away from it.
+# Otherwise impacts from the orbit itself decide: how many, the digits to which its points are
+# rounded, and the impacts that lead away from it.
 DECIDED: Final = 96_000
 DIGITS: Final = 6
 LEADS_AWAY: Final = 200
-# Trajectories that follow the same impacts start so far apart [1].
+# Distance of trajectories that begin with the same impacts [1].
 NUDGE: Final = 1e-7
-# Pieces are told apart on so many boxes along an edge.
+# Boxes along an edge on which pieces are distinguished.
 FINE: Final = 4096
-# Boxes are as large as it takes that so many impacts of a trajectory fall into each, but no larger
-# than with so many along an edge.
+# Impacts of a trajectory that fall into each box on average, and the fewest boxes along an edge.
 FILLED: Final = 8
 COARSEST: Final = 16
-# Boxes reach so much beyond the fastest impact.
+# How far boxes reach beyond the fastest impact [1].
 ROOM: Final = 1.02
 
 
@@ -153,7 +153,7 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
 
 
 @kernel
-def mark_boxes(row, speed, boxes, edge):  # type: ignore[no-untyped-def]
+def mark_boxes(row: Record, speed: float, boxes: npt.NDArray[np.bool_], edge: int) -> None:
     """Mark the boxes (edge by edge on each wall) that impacts hit, as `classify` numbers them."""
     for k in range(len(row)):
         velocity = row[k].velocity
@@ -236,7 +236,7 @@ def rows_from(starts: RecordArray) -> RecordArray:
 
 
 @kernel
-def close_returns(rows, q, most):  # type: ignore[no-untyped-def]
+def close_returns(rows: Record, q: int, most: float) -> tuple[IntArray, FloatArray]:
     """Find impacts that recur after q impacts: (row, place) and distance, at most `most` [1]."""
     places = np.zeros((1024, 2), np.int64)
     apart = np.zeros(1024)
@@ -258,7 +258,7 @@ def close_returns(rows, q, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def visits(rows, phase, velocity, most):  # type: ignore[no-untyped-def]
+def visits(rows: Record, phase: float, velocity: float, most: float) -> int:
     """Count the impacts within a distance of a point of the section."""
     count = 0
     for i in range(rows.shape[0]):
@@ -294,9 +294,9 @@ def count_pieces(rows: RecordArray) -> int:
 
 
 @kernel
-def common_period(box, row, turn, rows):  # type: ignore[no-untyped-def]
+def common_period(box: IntArray, row: IntArray, turn: Record, rows: int) -> Whole:
     """Return the greatest k so that what shares a box shares its turn modulo k; 0 for any k."""
-    # Each row is ahead of another by `ahead` turns, as far as a box that they share tells.
+    # Each row is ahead of another by `ahead` turns, as a box that they share shows.
     other = np.arange(rows)
     ahead = np.zeros(rows, np.int64)
     period = 0
