@@ -15,6 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from gear_rattle_ros.core.flight.closed_form import displace, later
 from gear_rattle_ros.core.flight.elementary import relaxation
 from gear_rattle_ros.core.flight.fingerprint import fingerprint
+from gear_rattle_ros.core.model import Model
 from gear_rattle_ros.messages import events_from_cloud
 from gear_rattle_ros.qos import STREAM_INPUT
 
@@ -59,10 +60,10 @@ def test_same_bytes_whatever_the_tick_rate_load_and_readers(start, rclpy_node, s
 
 # Prints the bits of events and of the exponents of a noisy run.
 BITS = """
-from gear_rattle_ros.core.fingerprint import fingerprint
-from gear_rattle_ros.core.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.flight.fingerprint import fingerprint
+from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.core.simulation import Simulation
+from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 lyapunov = RunningLyapunov()
 lyapunov.update(Simulation(Parameters(0.57), State(), noise=1e-3).advance(20_000, 0.0, 20_000))
 print(fingerprint(), lyapunov.report)
@@ -86,7 +87,8 @@ def test_no_multiplication_is_fused_with_an_addition(kernel) -> None:
     options = {name: value for name, value in kernel.targetoptions.items() if name != 'cache'}
     assert not options.get('fastmath')
     fresh = numba.njit(**options)(kernel.py_func)
-    fresh(*[0.3] * len(inspect.signature(kernel.py_func).parameters))
+    fresh(*(Model(0.3, 0.3, 0.3, 0.3) if name == 'model' else 0.3
+            for name in inspect.signature(kernel.py_func).parameters))
     (code,) = fresh.inspect_asm().values()
     assert 'mulsd' in code or 'mulpd' in code
     assert not re.search('fn?m(add|sub)', code)
