@@ -22,9 +22,8 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {message}\n')
 
 
-def attempt(name: str, action: Callable[[], int], *refusals: type[Exception]) -> int:
+def attempt(name: str, action: Callable[[], int]) -> int:
     """Run a command; exit status 2 after one line that names what is wrong, 130 after Ctrl-C."""
-    refused: tuple[type[Exception], ...] = (MemoryError, ValueError, *refusals)
     try:
         return action()
     except KeyboardInterrupt:
@@ -32,7 +31,7 @@ def attempt(name: str, action: Callable[[], int], *refusals: type[Exception]) ->
         return INTERRUPTED
     except OSError as error:
         message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
-    except refused as error:
+    except (MemoryError, ValueError) as error:
         message = str(error) or 'not enough memory'
     print(f'{name}: {message}', file=sys.stderr)
     return 2

@@ -104,7 +104,7 @@ def _fill(path: Path, layout: Layout, command: str) -> None:
 
 def _continued(path: Path, layout: Layout) -> Store:
     store = Store(path)
-    _require_identity(path, store.attributes, layout)
+    _require_identity(path, store.attrs, layout)
     for axis in layout.axes:
         if not store.has_table(axis.name):
             store.write_table({axis.name: ((axis.name,), axis.values, axis.attributes)})
@@ -138,7 +138,7 @@ def _require_version(path: Path, store: Store) -> None:
     """Refuse to go on where tiles of another version could differ from those that are there."""
     here, pending = versions().get(PACKAGE), store.pending()
     if pending and len(pending) < len(store.tiles):
-        there = json.loads(store.attributes['versions']).get(PACKAGE)
+        there = json.loads(store.attrs['versions']).get(PACKAGE)
         if there != here:
             raise StoreError(f'{path} was begun by version {there!r}, this is {here!r}: its tiles '
                              f'may differ; {ELSE}')

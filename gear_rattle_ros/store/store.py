@@ -84,11 +84,9 @@ class Store:
             self._remove()
 
     @property
-    def attributes(self) -> dict[str, Any]:
+    def attrs(self) -> dict[str, Any]:
         """Return the attributes of the store."""
         return dict(self._group.attrs)
-
-    attrs = attributes
 
     def __getitem__(self, name: str) -> Loaded:
         """Return what has the `values` of an array, as a dataset does."""

@@ -4,8 +4,10 @@ import dataclasses
 import json
 from typing import Any, Final, Unpack
 
+import numpy as np
+
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Catalogue, table_of
+from ..attractors.catalogue import Attractor, Catalogue, OTHERS, table_of
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.listing import COLUMNS, listed
 from ..attractors.plane import Plane
@@ -62,7 +64,11 @@ def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str =
     """
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES
-    columns = {name: dataset[name].values for name in COLUMNS}
+    # A grid may reach rest that no random initial condition did.
+    known = dataset['attractor_label'].values
+    others = table_of(tuple(Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
+                            if label in (cells or {}) and label not in known))
+    columns = {name: np.concatenate([dataset[name].values, others[name][1]]) for name in COLUMNS}
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
 
@@ -70,13 +76,6 @@ def parameters_of(dataset: Arrays) -> Parameters:
     """Read the model of a dataset."""
     return Parameters(**{field.name: dataset.attrs[field.name]
                          for field in dataclasses.fields(Parameters)})
-
-
-def plane_of(dataset: Arrays) -> Plane:
-    """Read the plane of initial conditions of a dataset."""
-    a = dataset.attrs
-    return Plane(a['displacement'], tuple(a['phase_window']), tuple(a['velocity_window']),
-                 *a.get('size', ()))
 
 
 def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) -> dict[str, Any]:

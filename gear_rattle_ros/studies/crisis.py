@@ -91,13 +91,13 @@ def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
 def write_law(store: Store) -> None:
     """Fit the law of the lifetimes to a complete store, the place of the crisis free; write it."""
     rates = rates_of(store.read_all('lifetime'), store.read_all('fate'),
-                     store.attributes['impacts_skipped'])
+                     store.attrs['impacts_skipped'])
     some = [k for k, rate in enumerate(rates) if k > 0 and rate.escapes >= 10]
     # Weighed by their counts: the errors of few escapes scatter themselves.
     data = (store.read_all('alpha')[some], [rates[k].rate for k in some],
             [rates[k].rate / math.sqrt(rates[k].escapes) for k in some])
     law = fit_law(*data)
-    exponent, exponent_error = fit_exponent(*data, store.attributes['tangency_alpha'])
+    exponent, exponent_error = fit_exponent(*data, store.attrs['tangency_alpha'])
     store.write_table({name: (('alpha',), np.array([getattr(rate, field) for rate in rates]),
                               named(words, units)) for name, field, words, units in (
         ('escape_rate', 'rate', 'escape rate, from escapes over impacts at risk', '1/impact'),

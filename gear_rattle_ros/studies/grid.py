@@ -83,7 +83,7 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
                  ) -> Catalogue:
     """Compute the tiles that are pending; add orbits that no random initial condition reached."""
     known = catalogue.with_orbits(tuple(_orbits_from(
-        store.attributes.get(LATE, '[]'), catalogue.parameters)))
+        store.attrs.get(LATE, '[]'), catalogue.parameters)))
     fill = functools.partial(fill_tile, store.path, plane, cap)
     with work.pending(name, store, lambda tile: math.prod(_shape(store, tile))) as (
             pending, finished):

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 # Its import takes long.
 Dataset: TypeAlias = 'xarray.Dataset'
 Result = TypeVar('Result')
-
-
 P = ParamSpec('P')
 
 

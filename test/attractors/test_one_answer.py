@@ -258,7 +258,7 @@ def test_what_keeps_areas_has_no_attractors(tool, tmp_path, monkeypatch, capsys)
         store = Store(path)
         assert np.all(store.read_all('label') == UNSETTLED)
         assert np.all(store.read_all('lifetime') == 900)
-        assert tool is basins or store.attributes['escape_mean'] == 'inf'
+        assert tool is basins or store.attrs['escape_mean'] == 'inf'
 
 
 @pytest.mark.long

@@ -25,7 +25,7 @@ from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.palette import hue, rgb
 from gear_rattle_ros.store.making import make_store
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.basins import magnifications
+from gear_rattle_ros.studies.basins import basins, describe, magnifications
 
 PLANE = Plane(phases=48, velocities=40)
 
@@ -221,6 +221,19 @@ def test_the_dataset_says_what_it_is(reference):
     assert dataset.attrs['displacement'] == 0.0
     assert list(dataset['attractor_key'].values) == [each.key for each in reference[3]]
     assert np.array_equal(dataset['phase'], PLANE.phase_values())
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+def test_every_cell_is_in_the_table(seed):
+    """Also what rests, where the one random initial condition has reached something else."""
+    grid = basins(Parameters(alpha=0.09), Plane(phases=9, velocities=9), initial_conditions=1,
+                  seed=seed, hold=2000, cap=2000)
+    rows = describe(grid).splitlines()[1:-1]
+    labels, numbers = np.unique(grid['label'].values, return_counts=True)
+    cells = {int(row.split()[0]): float(row.split()[3]) for row in rows}
+    assert -2 in labels or -3 in labels
+    for label, number in zip(labels.tolist(), numbers.tolist(), strict=True):
+        assert cells[label] == pytest.approx(100.0 * number / 81.0, abs=6e-4)
 
 
 def test_windows_magnify_about_a_point():

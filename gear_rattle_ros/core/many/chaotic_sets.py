@@ -190,8 +190,8 @@ def shortest_orbit(parameters: Parameters, rows: RecordArray) -> Orbit | None:
     for q in range(1, LONGEST + 1):
         for orbit in sorted(orbits_in(parameters, rows, q), key=lambda orbit: (
                 orbit.drive_periods, orbit.walls[0], orbit.phases[0])):
-            seen = seldom(rows, orbit)
-            if seen >= CERTAIN * VISITED or seen > 0.0 and seldom(
+            seen = least_share(rows, orbit)
+            if seen >= CERTAIN * VISITED or seen > 0.0 and least_share(
                     rows_from(starts_from(orbit)), orbit) >= VISITED:
                 return orbit
     return None
@@ -218,8 +218,8 @@ def orbits_in(parameters: Parameters, rows: RecordArray, q: int) -> list[Orbit]:
     return list(found.values())
 
 
-def seldom(rows: RecordArray, orbit: Orbit) -> float:
-    """Return the share of impacts near that point of an orbit that the fewest come near to."""
+def least_share(rows: RecordArray, orbit: Orbit) -> float:
+    """Return the share of impacts that come near the point of an orbit that is visited least."""
     fewest = min(visits(rows, phase, velocity, ALIKE) for phase, velocity in orbit.points)
     return fewest / max(1, rows.size)
 
