@@ -68,7 +68,7 @@ def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str =
     known = dataset['attractor_label'].values
     others = table_of(tuple(Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
                             if label in (cells or {}) and label not in known))
-    columns = {name: np.concatenate([dataset[name].values, others[name][1]]) for name in COLUMNS}
+    columns = {name: [*dataset[name].values, *np.asarray(others[name][1])] for name in COLUMNS}
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
 

@@ -229,6 +229,9 @@ def test_every_cell_is_in_the_table(seed):
     grid = basins(Parameters(alpha=0.09), Plane(phases=9, velocities=9), initial_conditions=1,
                   seed=seed, hold=2000, cap=2000)
     rows = describe(grid).splitlines()[1:-1]
+    assert describe(grid) == describe(basins.compute(
+        Parameters(alpha=0.09), Plane(phases=9, velocities=9), initial_conditions=1, seed=seed,
+        hold=2000, cap=2000))
     labels, numbers = np.unique(grid['label'].values, return_counts=True)
     cells = {int(row.split()[0]): float(row.split()[3]) for row in rows}
     assert -2 in labels or -3 in labels
