@@ -123,6 +123,14 @@ class Attractor:
             return self.orbit.exact_sum
         return self.chaos.exponents.exact_sum if self.chaos else math.nan
 
+    def with_share(self, settled: int, total: int) -> 'Attractor':
+        """Return it with its share of random initial conditions, and the error of that."""
+        # As if two more had settled on it and two elsewhere: none or all have an error, too.
+        share = (settled + 2.0) / (total + 4.0)
+        return dataclasses.replace(
+            self, settled=settled, share=settled / max(total, 1),
+            share_error=math.sqrt(share * (1.0 - share) / (total + 4.0)))
+
     def points(self, box_limit: int | None = None) -> FloatArray:
         """
         List where it hits the walls: wall, phase [rad] and velocity before the impact [1] by row.
@@ -181,7 +189,8 @@ class Catalogue:
                  for label, each in enumerate(self._known)]
         found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
                   if np.any(self.labels == label)]
-        return tuple(self._with_share(each) for each in found)
+        return tuple(each.with_share(int(np.sum(self.labels == each.label)), len(self.labels))
+                     for each in found)
 
     @property
     def _known(self) -> tuple[Orbit | ChaoticSet, ...]:
@@ -192,14 +201,6 @@ class Catalogue:
         """List the attractors as a table."""
         return listed({name: np.asarray(values) for name, (_, values, _) in table_of(
             self.attractors).items()}, self.hold)
-
-    def _with_share(self, attractor: Attractor) -> Attractor:
-        settled, total = int(np.sum(self.labels == attractor.label)), len(self.labels)
-        # As if two more had settled on it and two elsewhere: none or all have an error, too.
-        share = (settled + 2.0) / (total + 4.0)
-        return dataclasses.replace(
-            attractor, settled=settled, share=settled / max(total, 1),
-            share_error=math.sqrt(share * (1.0 - share) / (total + 4.0)))
 
     def with_orbits(self, orbits: tuple[Orbit, ...]) -> 'Catalogue':
         """Add the orbits that are not known yet; the labels of the others stay."""

@@ -66,8 +66,10 @@ def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str =
         return CONSERVES
     # A grid may reach rest that no random initial condition did.
     known = dataset['attractor_label'].values
-    others = table_of(tuple(Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
-                            if label in (cells or {}) and label not in known))
+    others = table_of(tuple(
+        Attractor(key, kind, label).with_share(0, dataset.attrs['random_initial_conditions'])
+        for label, (key, kind) in OTHERS.items()
+        if label in (cells or {}) and label not in known))
     columns = {name: [*dataset[name].values, *np.asarray(others[name][1])] for name in COLUMNS}
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
 
