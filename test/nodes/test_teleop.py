@@ -49,6 +49,7 @@ class Screen:
     def __init__(self, arguments: list[str], has_shell: bool = True) -> None:
         """Start it; the settings of the terminal before it came are remembered."""
         self.text = ''
+        self._mark = 0
         self.process, self.terminal = pty.fork()
         if self.process == 0:
             leader = ['-c', LEADER] if has_shell else []
@@ -68,7 +69,12 @@ class Screen:
 
     def press(self, keys: bytes) -> None:
         """Type."""
+        self.mark()
         os.write(self.terminal, keys)
+
+    def mark(self) -> None:
+        """Regard what is shown from here on as an answer: called before what it answers."""
+        self._mark = len(self.text)
 
     def _read(self) -> None:
         with contextlib.suppress(OSError):
@@ -77,15 +83,17 @@ class Screen:
 
     def wait_for(self, words: str, within: float = 60.0) -> None:
         """Wait until it has shown some words."""
-        deadline = time.monotonic() + within
-        while words not in self.text:
-            assert time.monotonic() < deadline, f'no {words!r} in {self.text!r}'
-            time.sleep(0.02)
+        self._wait_for(words, 0, within)
 
-    def wait_for_next(self, words: str) -> None:
-        """Wait for words that it has not shown yet."""
-        self.text = ''
-        self.wait_for(words)
+    def wait_for_answer(self, words: str) -> None:
+        """Wait for words that come after the mark: after the last keys."""
+        self._wait_for(words, self._mark, 60.0)
+
+    def _wait_for(self, words: str, after: int, within: float) -> None:
+        deadline = time.monotonic() + within
+        while words not in self.text[after:]:
+            assert time.monotonic() < deadline, f'no {words!r} in {self.text[after:]!r}'
+            time.sleep(0.02)
 
     def close(self) -> None:
         """End everything."""
@@ -185,7 +193,7 @@ def test_steers_a_simulator_in_another_namespace(start, teleop, rclpy_node, spin
     spin(lambda: get('alpha', 'initial_velocity', 'rate') == [
         scene[name] for name in ('alpha', 'initial_velocity', 'rate')])
     # The arrow takes over from the scene.
-    screen.wait_for_next('scene long-transient')
+    screen.wait_for_answer('scene long-transient')
     screen.press(DOWN)
     spin(lambda: get('alpha') == [pytest.approx(scene['alpha'] - 0.01, abs=1e-12)])
     screen.press(b'q')
@@ -222,9 +230,9 @@ def test_refusal_is_shown_and_a_simulator_that_goes_is_noticed(start, teleop) ->
     screen.wait_for('refused: Parameter alpha_target out of range')
     simulator.stop()
     screen.wait_for('/simulator has gone; waiting')
-    screen.text = ''
+    screen.mark()
     start('simulator')
-    screen.wait_for('/simulator is here')
+    screen.wait_for_answer('/simulator is here')
 
 
 @pytest.mark.parametrize('number', [
@@ -247,11 +255,11 @@ def test_ctrl_z_gives_the_terminal_back_and_fg_takes_it_again(teleop) -> None:
     during = screen.settings()
     for _ in range(2):
         screen.press(b'\x1a')
-        screen.wait_for_next('<stopped>')
+        screen.wait_for_answer('<stopped>')
         assert screen.settings() == screen.before
-        screen.text = ''
+        screen.mark()
         os.kill(screen.job, signal.SIGCONT)
-        screen.wait_for('waiting')
+        screen.wait_for_answer('waiting')
         assert screen.settings() == during
     screen.press(b'\x03')
     screen.wait_for('<status 0>')
@@ -266,9 +274,9 @@ def test_ctrl_z_without_a_shell_changes_nothing(teleop) -> None:
     during = screen.settings()
     assert during != screen.before
     screen.press(b'\x1a')
-    screen.wait_for_next('waiting')
+    screen.wait_for_answer('waiting')
     screen.press(b'h')
-    screen.wait_for_next('The keyboard steers')
+    screen.wait_for_answer('The keyboard steers')
     assert screen.settings() == during
 
 
