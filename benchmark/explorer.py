@@ -75,7 +75,7 @@ def measure(tab: Tab, kind: str) -> tuple[list[float], list[float]]:
         first.append(times['first'] / 1e3)
         fine.append(times['fine'] / 1e3)
         # The finest level, which nobody waits for here.
-        tab.wait("!Bokeh.documents[0].get_model_by_name('status').text.includes('going on')")
+        tab.wait("!Bokeh.documents[0].get_model_by_name('status').text.includes('refining')")
     return first, fine
 
 
@@ -92,7 +92,7 @@ def main() -> None:
                 tab = Tab(browser, PORT)
                 tab.page.evaluate(LISTEN)
                 tab.wait("!Bokeh.documents[0].get_model_by_name('status').text"
-                         ".includes('going on')")
+                         ".includes('refining')")
                 print(f'{os.cpu_count()} cores, alpha 0.48, median (worst) of {TURNS}:')
                 for kind in IS_NEW:
                     first, fine = measure(tab, kind)

@@ -218,7 +218,7 @@ def test_tabs_are_independent_and_a_closed_one_stops_working(
     other.wait("Bokeh.documents[0].get_model_by_name('legend').text.includes('unsettled')")
     assert tab.get('alpha', 'value') == 0.48
     # The finest level of the quiet tab may still be under way.
-    tab.wait("!Bokeh.documents[0].get_model_by_name('status').text.includes('going on')")
+    tab.wait("!Bokeh.documents[0].get_model_by_name('status').text.includes('refining')")
     assert not idle(server[2], 0.05)()
     other.page.close()
     is_idle = idle(server[2], 0.05)
