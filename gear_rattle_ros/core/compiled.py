@@ -33,12 +33,9 @@ def cache_directory() -> Path:
 
 
 def kernel(function: Function) -> Function:
-    """
-    Compile scalar numeric code with numba, cached on disk; it releases the GIL.
-
-    Without fused multiply-add and reordering, the same input gives the same bits on every machine
-    that rounds as IEEE 754 says. Division by zero gives what numpy gives.
-    """
+    """Compile scalar numeric code with numba, cached on disk; it releases the GIL."""
+    # Without fused multiply-add and reordering, the same input gives the same bits on every
+    # machine that rounds as IEEE 754 says. Division by zero gives what numpy gives.
     # The folder is looked up when the function is decorated; other packages keep their own.
     config: Any = numba.config
     others = config.CACHE_DIR

@@ -85,31 +85,16 @@ class Parameters:
     """
     Dimensionless parameters of de Souza & Caldas, eqs. (3) and (6).
 
-    Attributes
-    ----------
-    alpha : float
-        Amplitude of the drive [1], 0 to 1000.
-    beta : float
-        Damping [1], 0 to 100.
-    gamma : float
-        Constant load [1], -1000 to 1000; positive presses towards the upper wall.
-    restitution : float
-        Coefficient of restitution r [1], 0 to 1.
-
-    Raises
-    ------
-    ValueError
-        If a value is no number, not finite, or outside its range.
-
+    ValueError if a value is no number, not finite, or outside its range.
     """
 
-    alpha: float = 0.48
-    beta: float = 0.1
+    alpha: float = 0.48  #: Amplitude of the drive [1], 0 to 1000.
+    beta: float = 0.1  #: Damping [1], 0 to 100.
+    #: Constant load [1], -1000 to 1000; positive presses towards the upper wall.
     gamma: float = 0.1
-    restitution: float = 0.9
+    restitution: float = 0.9  #: Coefficient of restitution r [1], 0 to 1.
 
     def __post_init__(self) -> None:
-        """Validate and convert every field to float."""
         for name, low, high in (
             ('alpha', 0.0, ALPHA_MAXIMUM), ('beta', 0.0, BETA_MAXIMUM),
             ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM), ('restitution', 0.0, 1.0),
@@ -176,31 +161,15 @@ class State:
     """
     A point of the trajectory.
 
-    Attributes
-    ----------
-    cycle : int
-        Completed drive periods.
-    phase : float
-        Drive phase tau mod 2 pi [rad], in [0, 2 pi).
-    displacement : float
-        Relative displacement s in units of the backlash [1], in [-1, 0].
-    velocity : float
-        ds/dtau [1].
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range; a displacement outside the walls is never clipped.
-
+    ValueError if a value is out of range; a displacement outside the walls is never clipped.
     """
 
-    cycle: int = 0
-    phase: float = 0.0
-    displacement: float = 0.0
-    velocity: float = 0.0
+    cycle: int = 0  #: Completed drive periods.
+    phase: float = 0.0  #: Drive phase tau mod 2 pi [rad], in [0, 2 pi).
+    displacement: float = 0.0  #: Displacement s in units of the backlash [1], in [-1, 0].
+    velocity: float = 0.0  #: ds/dtau [1].
 
     def __post_init__(self) -> None:
-        """Validate and convert every field."""
         if not isinstance(self.cycle, numbers.Integral) or self.cycle < 0:
             raise ValueError(f'cycle = {self.cycle!r} is not a whole number from 0 on')
         below_two_pi = math.nextafter(2.0 * math.pi, 0.0)

@@ -13,6 +13,12 @@ def counted(count: float, noun: str) -> str:
     return f'{number:,} {noun}'
 
 
+def shown(value: object) -> str:
+    """Show a value, or the words of an error, on part of a line: the beginning if it is long."""
+    text = ' '.join((str if isinstance(value, Exception) else repr)(value).split())
+    return text if len(text) <= 80 else f'{text[:77]}...'
+
+
 def in_columns(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Lay out a plain text table; a heading that begins with a space aligns its column right."""
     table = [[heading.strip() for heading in headings], *rows]

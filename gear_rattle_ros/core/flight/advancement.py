@@ -95,13 +95,10 @@ def stop_ahead(speed: float, pull: float, jerk: float, ahead: float, horizon: fl
 @inlined
 def stop_behind(front: float, speed: float, pull: float, jerk: float, behind: float,
                 jerk_bound: float, snap_bound: float) -> tuple[float, float]:
-    """
-    Return the step `front`, shortened where the gear may come back to the wall behind.
-
-    The bound of the way back, ``-u t - f t^2/2 + c t^3/6``, is greatest at an end of the stretch.
-    The second result is 0 where it does not come back, else 1, or CRAWLS where the step is short
-    only because `front` is long.
-    """
+    """Return the step `front`, shortened where the gear may come back to the wall behind."""
+    # The bound of the way back, ``-u t - f t^2/2 + c t^3/6``, is greatest at an end of the
+    # stretch. The second result is 0 where it does not come back, else 1, or CRAWLS where the step
+    # is short only because `front` is long.
     c = worst_jerk(-jerk, jerk_bound, snap_bound, front)
     q = c * front * (1.0 / 3.0) - pull
     way = speed + square_root(speed * speed + 2.0 * q * behind)
@@ -154,12 +151,9 @@ def derivatives(towards: float, pull: float, sine: float, cosine: float, alpha: 
 def aim(speed: float, pull: float, jerk: float, ahead: float, horizon: float, jerk_bound: float,
         towards: float, sine: float, cosine: float, alpha: float,
         beta: float) -> tuple[float, ...]:
-    """
-    Improve the time to the wall ahead: one Chebyshev step on a seventh-order Taylor polynomial.
-
-    Returns the time, its error there as a length, 1 by the speed there (-1 if the time is of no
-    use), and how long the velocity has to stay positive for it to be the first impact.
-    """
+    """Improve the time to the wall ahead: one Chebyshev step on Taylor's seventh order."""
+    # Returns the time, its error there as a length, 1 by the speed there (-1 if the time is of no
+    # use), and how long the velocity has to stay positive for it to be the first impact.
     s4, s5, s6, s7, _, bend = derivatives(towards, pull, sine, cosine, alpha, beta)
     x = horizon
     x2 = 0.5 * x
@@ -188,13 +182,10 @@ def close_in(d: float, velocity: float, step: float, returns: float, aimed: floa
              aim_error: float, slowness: float, longest: float, speed: float, pull: float,
              jerk: float, jerk_bound: float, snap_bound: float, towards: float, sine: float,
              cosine: float, alpha: float, beta: float) -> tuple[float, float, bool, float, bool]:
-    """
-    Find the impact, or a longer certain step.
-
-    Where the velocity certainly stays positive the zero is the first impact, and less than it by
-    more than all errors is a certain step. Returns the step, the wall it is towards, whether it
-    ends there, the velocity before the impact if so, and whether it crawls.
-    """
+    """Find the impact, or a longer certain step."""
+    # Where the velocity certainly stays positive the zero is the first impact, and less than it by
+    # more than all errors is a certain step. Returns the step, the wall it is towards, whether it
+    # ends there, the velocity before the impact if so, and whether it crawls.
     s4, s5, s6, s7, s8, bend = derivatives(towards, pull, sine, cosine, alpha, beta)
     x = aimed
     impact_speed = speed + x * (pull + 0.5 * x * (jerk + (1.0 / 3.0) * x * (s4 + 0.25 * x * (

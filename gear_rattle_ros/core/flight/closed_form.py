@@ -27,19 +27,14 @@ CLEARANCE = 1e-9
 
 @kernel
 def model_of(record: Record) -> Model:
-    """Return the parameters in a record."""
     return Model(record.alpha, record.beta, record.gamma, record.restitution)
 
 
 @kernel
 def displace(d: float, sin_p: float, cos_p: float, v0: float,
              model: Model) -> tuple[float, float, float, float]:
-    """
-    Return displacement since its beginning, velocity, sine, cosine after a time d, eqs. (4)-(5).
-
-    For small d the displacement has a small relative error, as chatter needs; d is at most about
-    1e6.
-    """
+    """Return displacement since take-off, velocity, sine, cosine after a time d, eqs. (4)-(5)."""
+    # For small d the displacement has a small relative error, as chatter needs; d < 1e6.
     alpha, beta, gamma, _ = model
     decay, integral, second = relaxation(d, beta)
     sin_half, cos_half = sine_cosine(0.5 * d)

@@ -66,10 +66,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
     odd = (quadrant & 1) != 0
     sine_sign = 1.0 - (quadrant & 2)
     cosine_sign = 1.0 - ((quadrant + 1) & 2)
-    return (
-        sine_sign * (cosine if odd else sine),
-        cosine_sign * (sine if odd else cosine),
-    )
+    return sine_sign * (cosine if odd else sine), cosine_sign * (sine if odd else cosine)
 
 
 @kernel

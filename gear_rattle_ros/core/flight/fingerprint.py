@@ -21,11 +21,8 @@ _IMPACTS: Final = 400
 
 @functools.cache
 def fingerprint() -> str:
-    """
-    Return 16 hexadecimal digits that name the bits of events computed on this machine.
-
-    Machines with the same fingerprint find each other's recorded streams again bit for bit.
-    """
+    """Return 16 hexadecimal digits that name the bits of events computed on this machine."""
+    # Machines with the same fingerprint find each other's recorded streams again bit for bit.
     digest = hashlib.sha256()
     for number, (parameters, noise) in enumerate(zip(_CASES, _NOISE, strict=True)):
         simulation = Simulation(

@@ -55,14 +55,10 @@ def wall_reached(s0: float, moved: float) -> int:
 @kernel
 def bisect_on(d: float, phase: float, s0: float, v0: float,
               model: Model) -> tuple[float, float, int, int]:
-    """
-    Go on from time d to the first impact or to the next zero of the force, whichever is first.
-
-    Until that zero ``exp(beta t) v`` is monotone, for its derivative is ``exp(beta t) a(tau, 0)``:
-    the gear turns at most once, and on either side of that its displacement is monotone. Returns
-    the step from d [1], the speed towards the wall at an impact [1], the wall (NO_WALL at a zero),
-    and the number of evaluations.
-    """
+    """Go on from time d to the first impact, or to a zero of the force that comes before it."""
+    # Until that zero ``exp(beta t) v`` is monotone: the gear turns at most once, and on either
+    # side of that its displacement is monotone. Returns the step from d [1], the speed towards the
+    # wall at an impact [1], the wall (NO_WALL at a zero), and the number of evaluations.
     sin_p, cos_p = sine_cosine(phase)
     near = 1e-14 + 1e-15 * d
     end = d + force_zero_delay(later(phase, d)[1], near, model)
@@ -107,13 +103,10 @@ def bisect_on(d: float, phase: float, s0: float, v0: float,
 @kernel
 def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
                   model: Model) -> tuple[float, int, float, int]:
-    """
-    Go forward in flight from time d to the first impact, or at least to `d_stop`.
-
-    In no step can a wall be reached, so no impact is missed. A search that is taken up again with
-    its d and `effort` makes the same steps. Returns the time [1], the evaluations so far, the
-    velocity [1], and the wall (NO_WALL: no impact yet).
-    """
+    """Go forward in flight from time d to the first impact, or at least to `d_stop`."""
+    # In no step can a wall be reached, so no impact is missed. A search that is taken up again
+    # with its d and `effort` makes the same steps. Returns the time [1], the evaluations so far,
+    # the velocity [1], and the wall (NO_WALL: no impact yet).
     alpha, beta, gamma, _ = model
     sin_p, cos_p = sine_cosine(phase)
     if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):

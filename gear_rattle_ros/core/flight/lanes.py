@@ -1,26 +1,18 @@
 """
 Many trajectories at once, one lane of a tile each.
 
-A consumer, itself a kernel, keeps a tile per thread::
-
-    impacts = new_impacts(STEPS)
-    following = refill(tile, starts, 0, math.inf)
-    while following < len(starts) or is_busy(tile):
-        advance(tile, impacts, STEPS)
-        for i in range(LANES):
-            # ... look at impacts[i, :tile.count[i]], tile.end[i], tile.left[i] ...
-            # ... write the answer for start number tile.start[i], then:
-            release(tile, i)
-        following = refill(tile, starts, following, math.inf)
-
+A consumer, itself a kernel, keeps a tile per thread: it calls `refill`, `advance`, looks at the
+impacts of each lane and calls `release` for those that are done with, as `recorded.record` does.
 Lanes do not wait for each other. A lane's impacts depend on its initial condition alone, not on
 the tile, the neighbours or the cuts.
 """
 
+import dataclasses
 import math
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from .advancement import is_slow, leap
 from .closed_form import (
@@ -36,12 +28,12 @@ from .closed_form import (
     release_delay,
     UPPER,
 )
-from .elementary import sine_cosine
+from .elementary import sine_cosine, TWO_PI
 from .first_impact import bisect_on
 from .lanes_step import CRAWLING, LANES, step, TILE
 from ..arrays import Record, RecordArray
 from ..compiled import kernel
-from ..model import Model, STICKING_SPEED
+from ..model import Model, Parameters, STICKING_SPEED
 
 CACHE_LINE: Final = 64
 # In place of the number of an initial condition: the lane is free.
@@ -76,6 +68,19 @@ def new_tiles(count: int) -> RecordArray:
     return tiles
 
 
+def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
+                            displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> RecordArray:
+    """Put initial conditions (phases of any size) and parameters together, as START."""
+    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
+    turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
+    initial['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
+    initial['displacement'] = displacement
+    initial['velocity'] = velocities
+    for name, value in dataclasses.asdict(parameters).items():
+        initial[name] = value
+    return initial
+
+
 @kernel
 def new_impacts(steps: int) -> RecordArray:
     """Make room for the impacts of a tile, shape (LANES, steps + 1), for `steps` of `advance`."""
@@ -84,7 +89,6 @@ def new_impacts(steps: int) -> RecordArray:
 
 @kernel
 def model_in(tile: Record, i: int) -> Model:
-    """Return the parameters in a lane."""
     return Model(tile.alpha[i], tile.beta[i], tile.gamma[i], tile.restitution[i])
 
 
@@ -220,13 +224,10 @@ def attend(tile: Record, i: int) -> None:
 
 @kernel
 def advance(tile: Record, impacts: RecordArray, steps: int) -> None:
-    """
-    Take every lane of a tile a number of steps forward, each at most one impact.
-
-    `count` is the impacts of each lane in this call. A lane ends for good with its trajectory
-    (`end`) and parks just after the impact with which it has none `left`. A row of `impacts` for
-    each lane receives them and must be longer than `steps`; NO_IMPACTS keeps none.
-    """
+    """Take every lane of a tile a number of steps forward, each at most one impact."""
+    # `count` is the impacts of each lane in this call. A lane ends for good with its trajectory
+    # (`end`) and parks just after the impact with which it has none `left`. A row of `impacts` for
+    # each lane receives them and must be longer than `steps`; NO_IMPACTS keeps none.
     room = impacts.shape[1]
     if impacts.shape[0] != LANES or 0 < room <= steps:
         raise ValueError('no room for the impacts')

@@ -15,8 +15,7 @@ intrinsic: Any = numba.extending.intrinsic
 
 def inlined(function: Function) -> Function:
     """Compile a kernel that is inlined where it is called."""
-    return cast(Function, numba.njit(
-        error_model='numpy', nogil=True, forceinline=True)(function))
+    return cast(Function, numba.njit(error_model='numpy', nogil=True, forceinline=True)(function))
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -25,45 +25,36 @@ LANES: Final = 96
 # In `is_special`, at least this: the lane's steps crawl.
 CRAWLING: Final = 2
 
+WHOLE: Final = ('cycle', 'has_hit', 'is_special', 'count', 'start', 'end')
 # One record is a tile; every field is a row of lanes. The flight of a lane began at `cycle`,
 # `phase`, with `displacement` and `velocity`, and is known to be free up to `duration` after that.
-TILE: Final = np.dtype([
+TILE: Final = np.dtype([(name, np.int64 if name in WHOLE else np.float64, LANES) for name in (
     # Where the flight began [1, rad, 1, 1] and the sine and cosine of that phase.
-    ('cycle', np.int64, LANES), ('phase', np.float64, LANES), ('displacement', np.float64, LANES),
-    ('velocity', np.float64, LANES), ('sine', np.float64, LANES), ('cosine', np.float64, LANES),
-    ('alpha', np.float64, LANES), ('beta', np.float64, LANES), ('gamma', np.float64, LANES),
-    ('restitution', np.float64, LANES),
+    'cycle', 'phase', 'displacement', 'velocity', 'sine', 'cosine',
+    'alpha', 'beta', 'gamma', 'restitution',
     # Impacts still to be made; inf for no limit, 0 parks the lane.
-    ('left', np.float64, LANES),
+    'left',
     # The search: how far it has come, by how many evaluations, and the motion there since the
     # flight began.
-    ('duration', np.float64, LANES), ('effort', np.float64, LANES), ('moved', np.float64, LANES),
-    ('velocity_now', np.float64, LANES), ('sine_now', np.float64, LANES),
-    ('cosine_now', np.float64, LANES),
+    'duration', 'effort', 'moved', 'velocity_now', 'sine_now', 'cosine_now',
     # Seen from the wall ahead (`towards` is +1 for the upper): speed, acceleration, jerk,
     # distances to both walls, a time of about that to the wall, the certain step.
-    ('towards', np.float64, LANES), ('speed', np.float64, LANES), ('pull', np.float64, LANES),
-    ('jerk', np.float64, LANES), ('ahead', np.float64, LANES), ('behind', np.float64, LANES),
-    ('horizon', np.float64, LANES), ('step', np.float64, LANES), ('jerk_bound', np.float64, LANES),
-    ('snap_bound', np.float64, LANES), ('returns', np.float64, LANES),
+    'towards', 'speed', 'pull', 'jerk', 'ahead', 'behind', 'horizon', 'step', 'jerk_bound',
+    'snap_bound', 'returns',
     # The time to that wall by Taylor's polynomial: its error there, 1 by the speed then, or
     # -1 if of no use, and how long the velocity has to stay positive.
-    ('aimed', np.float64, LANES), ('aim_error', np.float64, LANES),
-    ('slowness', np.float64, LANES), ('longest', np.float64, LANES),
+    'aimed', 'aim_error', 'slowness', 'longest',
     # After the step, on the way to the rows above. (A row that is loaded, selected and stored
     # to the same place makes a masked store, which stalls the next load.)
-    ('next_step', np.float64, LANES), ('next_towards', np.float64, LANES),
-    ('next_displacement', np.float64, LANES), ('next_velocity', np.float64, LANES),
-    ('next_sine', np.float64, LANES), ('next_cosine', np.float64, LANES),
-    ('sine_half', np.float64, LANES), ('cosine_half', np.float64, LANES),
+    'next_step', 'next_towards', 'next_displacement', 'next_velocity', 'next_sine', 'next_cosine',
+    'sine_half', 'cosine_half',
     # In the latest step: velocity before the impact, whether there was one, and whether the
     # lane needs the scalar path.
-    ('impact_velocity', np.float64, LANES), ('has_hit', np.int64, LANES),
-    ('is_special', np.int64, LANES),
+    'impact_velocity', 'has_hit', 'is_special',
     # Impacts of the latest `advance`; number of the start that the lane carries, EMPTY for
     # none; why it has ended.
-    ('count', np.int64, LANES), ('start', np.int64, LANES), ('end', np.int64, LANES),
-], align=True)
+    'count', 'start', 'end',
+)], align=True)
 
 
 @inlined

@@ -64,12 +64,8 @@ def settle(trajectory: Record) -> None:
 
 @kernel
 def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> int:
-    """
-    Follow a trajectory to a moment (cycle, phase [rad]); return how many events were written.
-
-    Fewer than fit into `events` means that the moment was reached; cuts of a run do not change
-    events.
-    """
+    """Follow a trajectory to a moment (cycle, phase [rad]); return how many events it writes."""
+    # Fewer than fit into `events` means that the moment was reached.
     t, model = trajectory, model_of(trajectory)
     count = 0
     while count < len(events):
@@ -186,8 +182,7 @@ class Simulation:
     @seed.setter
     def seed(self, value: int) -> None:
         if not isinstance(value, numbers.Integral) or not 0 <= value <= SEED_MAXIMUM:
-            raise ValueError(
-                f'seed = {value!r} is not a whole number from 0 to {SEED_MAXIMUM}')
+            raise ValueError(f'seed = {value!r} is not a whole number from 0 to {SEED_MAXIMUM}')
         self._trajectory[0]['seed'] = value
 
     @property

@@ -16,12 +16,9 @@ def flight_matrix(d: float, beta: float) -> tuple[float, float]:
 @kernel
 def impact_matrix(phase: float, velocity: float, velocity_after: float,
                   model: Model) -> tuple[float, float, float]:
-    """
-    Return S11, S21, S22 of the saltation matrix ``S = [[v+/v-, 0], [(r a- + a+)/v-, -r]]``.
-
-    A neighbouring trajectory meets the wall ``-ds/v-`` later; both are compared at the same time.
-    Without a kick ``v+/v- = -r`` and ``det S = r^2``. A contact without speed changes nothing.
-    """
+    """Return S11, S21, S22 of the saltation matrix ``S = [[v+/v-, 0], [(r a- + a+)/v-, -r]]``."""
+    # A neighbouring trajectory meets the wall ``-ds/v-`` later; both are compared at the same
+    # time. Without a kick ``det S = r^2``. A contact without speed changes nothing.
     if velocity == 0.0:
         return 1.0, 0.0, 1.0
     sin_p, cos_p = sine_cosine(phase)

@@ -89,27 +89,20 @@ class ChaoticSet:
 
     @property
     def key(self) -> str:
-        """Name as an attractor."""
         return f'chaotic-{self.orbit}'
 
     @functools.cached_property
     def pieces(self) -> int:
-        """
-        Return how many parts are visited in turn.
-
-        It is the greatest k for which impacts n, n + k, n + 2 k, ... on one wall (the upper, if it
-        is touched) never come where those from n + 1 on do.
-        """
+        """Return how many parts are visited in turn."""
+        # It is the greatest k for which impacts n, n + k, n + 2 k, ... on one wall (the upper, if
+        # it is touched) never come where those from n + 1 on do.
         return count_pieces(rows_from(self.origin))
 
 
 def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
                  tolerance: float) -> list[ChaoticSet]:
-    """
-    Find the sets on which trajectories move that are past their transients, in order of names.
-
-    Each is followed for `length` impacts; impacts within `tolerance` [1] recur.
-    """
+    """Find the sets on which trajectories move after their transients, in the order of names."""
+    # Each is followed for `length` impacts; impacts within `tolerance` [1] recur.
     rows, made = record_impacts(starts, 0, length)
     whole = made == length
     if not np.any(whole):
@@ -129,8 +122,7 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
     for members in _grouped(hit):
         on = [number for number in members if whole[number]]
         leaves = len(on) < len(members) or np.any(recurs[on])
-        orbit = shortest_orbit(parameters, rows[on] if leaves else enough_of(
-            parameters, rows[on]))
+        orbit = shortest_orbit(parameters, rows[on] if leaves else enough_of(parameters, rows[on]))
         name = orbit.name if orbit else UNNAMED
         # An orbit belongs to one set: groups of one name are one.
         name = f'{name}-{len(named)}' if name == UNNAMED and name in named else name
@@ -181,12 +173,9 @@ def enough_of(parameters: Parameters, rows: RecordArray) -> RecordArray:
 
 
 def shortest_orbit(parameters: Parameters, rows: RecordArray) -> Orbit | None:
-    """
-    Find the orbit that names a chaotic set: the shortest in it; None if none is seen.
-
-    Of those with the fewest impacts it is the first by drive periods, wall and phase. Where the
-    trajectories do not decide whether an orbit is in the set, those that start from it do.
-    """
+    """Find the orbit that names a chaotic set: the shortest in it; None if none is seen."""
+    # Of those with the fewest impacts it is the first by drive periods, wall and phase. Where the
+    # trajectories do not decide whether an orbit is in the set, those that start from it do.
     for q in range(1, LONGEST + 1):
         for orbit in sorted(orbits_in(parameters, rows, q), key=lambda orbit: (
                 orbit.drive_periods, orbit.walls[0], orbit.phases[0])):

@@ -44,13 +44,10 @@ class EscapeRate:
 
 def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
                 numbers: npt.ArrayLike = 1) -> EscapeRate:
-    """
-    Estimate an escape rate per impact, the maximum likelihood of a geometric law after `skip`.
-
-    It is escapes over impacts at risk, whatever the censoring. `numbers` counts the independent
-    trajectories of each lifetime. The error is their scatter, whether the law holds or not, and at
-    least that of one escape.
-    """
+    """Estimate an escape rate per impact after `skip`: escapes over impacts at risk."""
+    # It is the maximum likelihood of a geometric law, whatever the censoring. `numbers` counts the
+    # independent trajectories of each lifetime. The error is their scatter, whether the law holds
+    # or not, and at least that of one escape.
     life = np.asarray(lifetimes, np.float64)
     late = np.where(life > skip, numbers, 0)
     escaped = np.where(censored, 0, 1)
@@ -67,14 +64,11 @@ def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
 def last_until_captured(tile: Record, starts: RecordArray, points: FloatArray, radius: float,
                         skip: int, wanted: int, limit: int
                         ) -> tuple[IntArray, IntArray, FloatArray]:
-    """
-    Follow trajectories until `wanted` of them are captured after more than `skip` impacts.
-
-    One is captured when q + 1 impacts in a row lie within `radius` [rad, 1] of an orbit's `points`
-    (phases and velocities, shape (q, 2)), and given up after `limit` impacts. Returns the impacts
-    until then, CAPTURED, SURVIVED, ENDED or UNUSED, and the last phase, displacement and velocity
-    [rad, 1, 1] of each. No time goes into waiting for a last long transient.
-    """
+    """Follow trajectories until `wanted` of them are captured after more than `skip` impacts."""
+    # One is captured when q + 1 impacts in a row lie within `radius` [rad, 1] of an orbit's
+    # `points` (phases and velocities, shape (q, 2)), and given up after `limit` impacts. Returns
+    # the impacts until then, CAPTURED, SURVIVED, ENDED or UNUSED, and the last phase, displacement
+    # and velocity [rad, 1, 1] of each. No time goes into waiting for a last long transient.
     q = len(points)
     lifetimes, fates = np.zeros(len(starts), np.int64), np.full(len(starts), UNUSED)
     ends = np.zeros((len(starts), 3))

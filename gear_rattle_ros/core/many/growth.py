@@ -26,13 +26,10 @@ def largest_singular(a: float, b: float, c: float, d: float) -> float:
 
 @kernel
 def grow(tile: Record, starts: RecordArray, count: int, exponents: FloatArray) -> int:
-    """
-    Follow initial conditions for `count` impacts with their tangent; return the impacts made.
-
-    `exponents` receives the logarithm per impact of the product of all flight and saltation
-    matrices (Ott, Chaos in Dynamical Systems, ch. 4.4): -inf where the gear sticks or comes to
-    rest, nan where it floats between the walls.
-    """
+    """Follow initial conditions for `count` impacts with their tangent; return all impacts."""
+    # `exponents` receives the logarithm per impact of the product of all flight and saltation
+    # matrices (Ott, Chaos in Dynamical Systems, ch. 4.4): -inf where the gear sticks or comes to
+    # rest, nan where it floats between the walls.
     product, scale = np.zeros((len(starts), 4)), np.zeros(len(starts))
     product[:, 0] = product[:, 3] = 1.0
     cycle, phase = np.zeros(len(starts), np.int64), starts['phase'].copy()

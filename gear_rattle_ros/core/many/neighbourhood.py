@@ -19,12 +19,9 @@ HALVINGS: Final = 14
 
 
 def attracted(orbit: Orbit, tolerance: float) -> FloatArray:
-    """
-    Find by trial, at some points of a stable orbit, an ellipse that one period maps into itself.
-
-    Returns a quadratic form for each point, at most 1 in the ellipse, inf where none was found or
-    tried. Within a period nothing in it goes farther from the orbit than the tolerance [1].
-    """
+    """Find at some points of a stable orbit an ellipse that one period maps into itself."""
+    # Returns a quadratic form for each point, at most 1 in the ellipse, inf where none was found
+    # or tried. Within a period nothing in it goes farther from the orbit than the tolerance [1].
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     assert shot is not None
     q = orbit.impacts

@@ -21,13 +21,10 @@ GRAIN: Final = 2.0**-33
 def make_table(orbits: Sequence[Orbit], tolerance: float, *,
                numbers: Sequence[int] | None = None, boxes: npt.ArrayLike = (),
                box_speed: float = 0.0, stay: int = 0) -> Table:
-    """
-    Make the table of some attractors for `classify`; orbits are labelled 0, 1, ... or `numbers`.
-
-    `boxes` has the number of the chaotic attractor of each box or EMPTY, `box_speed` is their
-    greatest speed [1]; after `stay` impacts in them a trajectory has settled. Raises ValueError
-    for too many points.
-    """
+    """Make the table of some attractors for `classify`; ValueError for too many points."""
+    # Orbits are labelled 0, 1, ... or `numbers`. `boxes` has the number of the chaotic attractor
+    # of each box or EMPTY, `box_speed` is their greatest speed [1]; after `stay` impacts in them a
+    # trajectory has settled.
     fastest = max((float(np.max(np.abs(orbit.velocities))) for orbit in orbits), default=0.0)
     speed = ROOM * fastest + 2.0 * tolerance
     sticks = np.full(2, EMPTY)

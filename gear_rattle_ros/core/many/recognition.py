@@ -30,12 +30,9 @@ def last_sticks(row: RecordArray, model: Model, wall: int) -> tuple[int, int]:
 
 def find_orbit(parameters: Parameters, row: RecordArray, longest: int,
                tolerance: float) -> Orbit | None:
-    """
-    Find the stable periodic orbit that a row of IMPACT approaches, in canonical order.
-
-    Its period is at most `longest` impacts unless it sticks; None where nothing recurs within the
-    tolerance [1], or what recurs is unstable.
-    """
+    """Find the stable periodic orbit that a row of IMPACT approaches, in canonical order."""
+    # Its period is at most `longest` impacts unless it sticks; None where nothing recurs within
+    # the tolerance [1], or what recurs is unstable.
     for wall in Wall:
         first, last = last_sticks(row, parameters.model, int(wall))
         if first >= 0:

@@ -1,14 +1,11 @@
 """Trajectories that are followed for some impacts, which are kept."""
 
-import dataclasses
-
 import numpy as np
 
 from .settling import STEPS
 from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight import lanes
-from ..flight.elementary import TWO_PI
 from ..flight.lanes_step import LANES
 from ..model import Parameters
 
@@ -49,11 +46,5 @@ def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordAr
 def starts_after(parameters: Parameters, phases: FloatArray, velocities: FloatArray
                  ) -> RecordArray:
     """Make initial conditions just after impacts with these phases [rad] and velocities before."""
-    phases = np.mod(phases, TWO_PI)
-    starts = np.zeros(phases.shape, lanes.START)
-    starts['phase'] = np.where(phases >= TWO_PI, 0.0, phases)
-    starts['displacement'] = -1.0 * np.signbit(velocities)
-    starts['velocity'] = -parameters.restitution * velocities
-    for name, value in dataclasses.asdict(parameters).items():
-        starts[name] = value
-    return starts
+    return lanes.make_initial_conditions(parameters, phases, -1.0 * np.signbit(velocities),
+                                         -parameters.restitution * velocities)

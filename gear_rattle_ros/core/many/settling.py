@@ -148,8 +148,7 @@ def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole
             number = table.entries[entry].point
             entry = table.entries[entry].following
             point = table.points[number]
-            if number == expected or not is_near(
-                    point, phase, velocity, flight_time, tolerance):
+            if number == expected or not is_near(point, phase, velocity, flight_time, tolerance):
                 continue
             if is_caught(point, phase, velocity):
                 # Out of step on the same orbit, it has still been near it.
@@ -209,11 +208,8 @@ def finish(tile: Record, i: int, result: Record, label: int, lifetime: int, impa
 @kernel
 def classify(tile: Record, starts: RecordArray, cap: int, table: Table,
              results: RecordArray) -> int:
-    """
-    Follow initial conditions until they settle or have made `cap` impacts; return all impacts.
-
-    `results` receives a RESULT each.
-    """
+    """Follow initial conditions, at most for `cap` impacts, until they settle, into `results`."""
+    # Returns the impacts that they made.
     impacts, watches = new_impacts(STEPS), np.zeros(LANES, WATCH)
     following = 0
     total = 0

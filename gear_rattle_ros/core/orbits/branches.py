@@ -98,12 +98,9 @@ class _Point:
 
 def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: float = 0.02,
            most: int = 2000, to_first_turn: bool = False) -> Branch:
-    """
-    Follow a periodic orbit in alpha by pseudo-arclength, through folds.
-
-    `direction` is the sign of the first step. It stops outside [low, high], after `most` orbits,
-    or at the first change; `longest` bounds a step [1] in all coordinates together.
-    """
+    """Follow a periodic orbit in alpha by pseudo-arclength, through folds."""
+    # `direction` is the sign of the first step. It stops outside [low, high], after `most` orbits,
+    # or at the first change; `longest` bounds a step [1] in all coordinates together.
     here = _Point(orbit.walls, orbit.points, orbit.parameters, is_own_image(orbit))
     ahead = np.zeros(len(here.vector))
     ahead[-1] = direction
@@ -144,12 +141,9 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: 
 
 
 def leaving(turn: Turn) -> list[Orbit]:
-    """
-    Find the orbits that leave a branch at a doubling or a pitchfork, close to it.
-
-    That is one of twice the period, or two that are mirror images of each other, on the side of
-    alpha where they exist; stable ones if there are any.
-    """
+    """Find the orbits that leave a branch at a doubling or a pitchfork, close to it."""
+    # That is one of twice the period, or two that are mirror images of each other, on the side of
+    # alpha where they exist; stable ones if there are any.
     old = turn.orbit
     turns = 2 if turn.change is Change.DOUBLING else 1
     shot = fire(old.walls, old.points, old.parameters)
@@ -197,8 +191,7 @@ def _tangent(point: _Point, ahead: FloatArray) -> FloatArray:
     return np.asarray(tangent / np.linalg.norm(tangent))
 
 
-def _correct(point: _Point, tangent: FloatArray, step: float,
-             room: float = 0.0) -> _Point | None:
+def _correct(point: _Point, tangent: FloatArray, step: float, room: float = 0.0) -> _Point | None:
     # Back to the branch at right angles to the step; regular at a fold too (Keller 1977).
     predicted = point.vector + step * tangent
     vector = predicted

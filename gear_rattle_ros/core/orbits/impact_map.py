@@ -15,17 +15,12 @@ from ..model import Model
 @kernel
 def next_impact(wall: int, phase: float, velocity: float,
                 model: Model) -> tuple[int, int, float, float, float]:
-    """
-    Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1].
-
-    The wall is NO_WALL where the gear sticks first or meets no wall in a leg: there the map is not
-    smooth, or not defined.
-    """
+    """Go to the next impact: its wall, cycles passed, phase, velocity, and the flight time [1]."""
+    # The wall is NO_WALL where the gear sticks first or meets no wall in a leg.
     s0 = 0.0 if wall == UPPER else -1.0
     if sticks(velocity, phase, model):
         return NO_WALL, 0, phase, velocity, 0.0
-    d, _, before, hit = search_impact(
-        0.0, 0, LEG, phase, s0, -model.restitution * velocity, model)
+    d, _, before, hit = search_impact(0.0, 0, LEG, phase, s0, -model.restitution * velocity, model)
     cycles, phase_hit = later(phase, d)
     return hit, cycles, phase_hit, before, d
 
@@ -33,11 +28,8 @@ def next_impact(wall: int, phase: float, velocity: float,
 @kernel
 def derivatives(phase: float, velocity: float, d: float, phase_next: float, velocity_next: float,
                 model: Model) -> tuple[float, ...]:
-    """
-    Differentiate an impact by the phase and velocity of the one before, and by alpha.
-
-    The derivatives of its phase come first, then those of its velocity, which is not zero.
-    """
+    """Differentiate an impact by the phase and velocity of the one before, and by alpha."""
+    # The derivatives of its phase come first, then those of its velocity, which is not zero.
     restitution = model.restitution
     decay, integral, _ = relaxation(d, model.beta)
     sine, cosine = sine_cosine(phase)

@@ -99,12 +99,9 @@ def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
 def returns(places: FloatArray, seed: float, wall: int, period: int, point: FloatArray,
             unstable: FloatArray, rows: FloatArray, expansion: float, impacts: int,
             model: Model) -> tuple[FloatArray, IntArray]:
-    """
-    Map points of the unstable manifold on and find their farthest return.
-
-    Places are in periods of the saddle [1] from the distance `seed` on. Returns how far beyond the
-    stable manifold they come [1] (NEVER without a return), and after how many impacts.
-    """
+    """Map points of the unstable manifold on and find their farthest return."""
+    # Places are in periods of the saddle [1] from the distance `seed` on. Returns how far beyond
+    # the stable manifold they come [1] (NEVER without a return), and after how many impacts.
     distances = np.full(len(places), NEVER)
     numbers = np.full(len(places), -1)
     entered = np.empty(period, np.int64)
@@ -151,14 +148,10 @@ def returns(places: FloatArray, seed: float, wall: int, period: int, point: Floa
 def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candidates: int = 12,
               near: float | None = None, seed: float = SEED_DISTANCE,
               offset: float = 0.0) -> Edge:
-    """
-    Find the return that comes nearest to crossing the stable manifold, or crosses it farthest.
-
-    `samples` points over one period of the unstable manifold, from the distance `seed` on [1] and
-    shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest maxima
-    are refined. With `near`, only a hundredth of a period about this place is searched. Without
-    any return `distance` is `NEVER`.
-    """
+    """Find the return that comes nearest to the stable manifold, or farthest beyond it."""
+    # `samples` points over one period of the unstable manifold, from the distance `seed` on [1]
+    # and shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest
+    # maxima are refined. With `near`, only a hundredth of a period about this place is searched.
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
         orbit = saddle.orbit
         return returns(places, seed, int(orbit.walls[0]), orbit.impacts, orbit.points[0],

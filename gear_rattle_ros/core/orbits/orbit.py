@@ -137,11 +137,8 @@ def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameter
 
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,
                 reach: float = REACH) -> Orbit | None:
-    """
-    Find a periodic orbit near impacts (phase, velocity) by Newton's method; None without one.
-
-    No point may move farther than `reach` [1].
-    """
+    """Find a periodic orbit near impacts (phase, velocity) by Newton's method."""
+    # None without one from which no point is farther than `reach` [1].
     walls = np.ascontiguousarray(walls, np.int64)
     seed = np.array(points, np.float64).reshape(len(walls), 2)
     x = seed.copy()
@@ -215,10 +212,10 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
     return Orbit(parameters, walls, x, np.roll(shot.times, 1), turns, multipliers)
 
 
-def close_near(parameters: Parameters, row: RecordArray) -> Orbit | None:
-    """Close a row of IMPACT, about one period, to an orbit within `NEAR`; None without one."""
+def close_near(parameters: Parameters, row: RecordArray, reach: float = NEAR) -> Orbit | None:
+    """Close a row of IMPACT, about one period, to an orbit, as `close_orbit` does."""
     return close_orbit(np.signbit(row['velocity']).astype(np.int64),
-                       np.stack([row['phase'], row['velocity']], axis=1), parameters, NEAR)
+                       np.stack([row['phase'], row['velocity']], axis=1), parameters, reach)
 
 
 def same_orbit(a: Orbit, b: Orbit, tolerance: float) -> bool:

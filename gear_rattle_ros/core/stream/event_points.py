@@ -16,8 +16,7 @@ POINT: Final = np.dtype(
     align=True,
 )
 # The numbers by which sensor_msgs/PointField calls the types.
-_DATATYPES: Final = {
-    np.dtype(np.uint32): 6, np.dtype(np.float32): 7, np.dtype(np.float64): 8}
+_DATATYPES: Final = {np.dtype(np.uint32): 6, np.dtype(np.float32): 7, np.dtype(np.float64): 8}
 # Name, offset, datatype and count of a field, as in sensor_msgs/PointField.
 Field = tuple[str, int, int, int]
 
@@ -30,11 +29,8 @@ def point_fields() -> list[Field]:
 
 def view_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bool,
                 data: memoryview, names: Sequence[str]) -> EventArray:
-    """
-    View the EVENT fields `names` of a point cloud where they lie, without a copy.
-
-    Raises ValueError if a field is missing, there twice or of another type, or the data too short.
-    """
+    """View the EVENT fields `names` of a point cloud where they lie, without a copy."""
+    # ValueError if a field is missing, there twice or of another type, or the data too short.
     layout = _layout(tuple(fields), step, is_bigendian, tuple(names))
     if data.nbytes < count * step:
         raise ValueError(f'cloud has {data.nbytes} bytes for {count} points of {step}')
@@ -74,11 +70,8 @@ def _layout(fields: tuple[Field, ...], step: int, is_bigendian: bool, names: tup
 
 def decode_points(fields: Iterable[Field], count: int, step: int, is_bigendian: bool,
                   data: memoryview) -> EventArray:
-    """
-    Copy EVENT records out of a point cloud, whatever its other fields are.
-
-    Raises ValueError if the cloud does not fit, or holds values that no simulator writes.
-    """
+    """Copy EVENT records out of a point cloud, whatever its other fields are."""
+    # ValueError if it does not fit, or holds values that no simulator writes.
     raw = view_points(fields, count, step, is_bigendian, data, EVENT.names or ())
     events = np.empty(count, EVENT)
     for name in EVENT.names or ():

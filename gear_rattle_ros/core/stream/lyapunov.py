@@ -186,12 +186,9 @@ def count_impact(estimate: Record, ring: FloatArray, marks: IntArray, growth_1: 
 @kernel
 def follow(estimate: Record, ring: FloatArray, marks: IntArray, last: RecordArray,
            events: RecordArray) -> None:
-    """
-    Carry the tangent vectors through a stretch of events without a hole.
-
-    `last` is the event before and becomes the last of these; `ring` and `marks` keep the last
-    growth rates and the retunes before the flight of each.
-    """
+    """Carry the tangent vectors through a stretch of events without a hole."""
+    # `last` is the event before and becomes the last of these; `ring` and `marks` keep the last
+    # growth rates and the retunes before the flight of each.
     e = estimate
     basis = e.basis
     restitution = math.nan
@@ -257,11 +254,6 @@ class RunningLyapunov:
     window : int
         Impacts in the finite-time exponent, positive, else ValueError.
 
-    Attributes
-    ----------
-    guard : StreamGuard
-        What was lost.
-
     References
     ----------
     de Souza & Caldas 2001, eqs. (9)-(11); Eckmann & Ruelle 1985, section V.
@@ -271,7 +263,7 @@ class RunningLyapunov:
     def __init__(self, window: int = 1000) -> None:
         if window < 1:
             raise ValueError(f'window = {window!r} must be positive')
-        self.guard = StreamGuard()
+        self.guard = StreamGuard()  #: What was lost.
         self._estimate = np.zeros(1, ESTIMATE)
         self._ring = np.zeros(window)
         self._marks = np.zeros(window, np.int64)

@@ -71,11 +71,8 @@ def sample(events: EventArray, starts: FloatArray, step: float, tau: FloatArray,
 
 
 def drive_phases(events: EventArray) -> FloatArray:
-    """
-    Return tau of every event, from the beginning of the last event's drive period [rad].
-
-    The EVENT records are in order, at least one, over fewer than 2^32 drive periods.
-    """
+    """Return tau of every event, from the beginning of the last event's drive period [rad]."""
+    # The EVENT records are in order, at least one, over fewer than 2^32 drive periods.
     back = (events['cycle'][-1] - events['cycle']).astype(np.float64)
     return np.asarray(events['phase'] - TWO_PI * back, np.float64)
 

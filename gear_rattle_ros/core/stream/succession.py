@@ -54,13 +54,10 @@ def depart(trajectory: Record, event: Record) -> None:
 @kernel
 def compare_step(before: Record, event: Record, trajectory: Record, room: RecordArray,
                  kicks: IntArray) -> int:
-    """
-    Rebuild in `room` the record that comes after `before`, and compare `event` with it.
-
-    Returns FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in time),
-    OVERDUE (an event was due before it, in `room`) or NOTHING (was due that soon). `kicks` notes
-    whether noise has changed the velocity after an impact.
-    """
+    """Rebuild in `room` the record that comes after `before`, and compare `event` with it."""
+    # Returns FOLLOWS, DIFFERS (from `room`), NUMBERING (of impacts or epochs), BACKWARDS (in
+    # time), OVERDUE (an event was due before it, in `room`) or NOTHING (was due that soon).
+    # `kicks` notes whether noise has changed the velocity after an impact.
     p, q, t = before, event, trajectory
     kicks[WAS_KICKED] = 0
     counted = 1 if q.kind <= STICK else 0
@@ -117,12 +114,9 @@ def compare_step(before: Record, event: Record, trajectory: Record, room: Record
 @kernel
 def follow_steps(last: RecordArray, events: RecordArray, trajectory: Record, room: RecordArray,
                  counts: IntArray, unkicked: FloatArray) -> tuple[int, int]:
-    """
-    Compare records with those before them; return how many follow, and why the next does not.
-
-    `last` becomes the last that follows, `room` the record expected, and `unkicked` receives the
-    velocity after the last impact without noise [1].
-    """
+    """Compare records with those before them; return how many follow, and why not the next."""
+    # `last` becomes the last that follows, `room` the record expected, and `unkicked` receives the
+    # velocity after the last impact without noise [1].
     for i in range(len(events)):
         kicked = counts[WAS_KICKED]
         what = compare_step(last[0], events[i], trajectory, room, counts)
@@ -139,13 +133,9 @@ def follow_steps(last: RecordArray, events: RecordArray, trajectory: Record, roo
 
 
 class Succession:
-    """
-    Rebuild every flight of a stream, given in batches, and find its records again.
+    """Rebuild every flight of a stream, given in batches, and find its records again."""
 
-    Noise may have kicked an impact: its velocity afterwards is then taken as it is, and what comes
-    next must follow from it.
-    """
-
+    # After a kick by noise, the velocity is taken as it is, and what comes next must follow.
     def __init__(self) -> None:
         self.holes: list[Hole] = []
         # Where the numbers begin anew in mid-run, so that it is not known what is missing.
@@ -160,12 +150,10 @@ class Succession:
 
     @property
     def impacts(self) -> int:
-        """Return the impacts seen."""
         return int(self._counts[IMPACTS])
 
     @property
     def kicked(self) -> int:
-        """Return the impacts that noise has kicked."""
         return int(self._counts[KICKED])
 
     @property

@@ -186,13 +186,10 @@ def restart(watch: Record) -> None:
 @kernel
 def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: RecordArray,
                  events: RecordArray, tolerance: float) -> tuple[int, int, int]:
-    """
-    Look at events, a stretch without a hole, until there is something to report.
-
-    Returns how many were looked at, what to report (NOTHING to GROWN), and the period of a
-    candidate, also of one that holds where an orbit is left. `last` becomes the last one looked
-    at; `orbit` is the one that the trajectory is on, if any, from impact `base` on.
-    """
+    """Look at events, a stretch without a hole, until there is something to report."""
+    # Returns how many were looked at, what to report (NOTHING to GROWN), and the period of a
+    # candidate, also of one that holds where an orbit is left. `last` becomes the last one looked
+    # at; `orbit` is the one that the trajectory is on, if any, from impact `base` on.
     w = watch
     for i in range(len(events)):
         event = events[i]
@@ -322,17 +319,12 @@ class TransientDetector:
     tolerance : float
         Largest distance from an orbit [1], between 0 and 1, else ValueError.
 
-    Attributes
-    ----------
-    guard : StreamGuard
-        What was lost.
-
     """
 
     def __init__(self, tolerance: float = 1e-3) -> None:
         if not 0.0 < tolerance < 1.0:
             raise ValueError(f'tolerance = {tolerance!r} is outside (0, 1)')
-        self.guard = StreamGuard()
+        self.guard = StreamGuard()  #: What was lost.
         self._tolerance = tolerance
         self._watch = np.zeros(1, WATCH)
         self._history = np.zeros(HISTORY, SECTION)
