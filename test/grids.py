@@ -5,19 +5,22 @@ from pathlib import Path
 import numpy as np
 
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.core.defaults import BASINS_CAP, SEED, TOLERANCE
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.store.store import Store
-from gear_rattle_ros.studies.basins import compute_basins, Settings
+from gear_rattle_ros.studies.basins import compute_basins
 from gear_rattle_ros.studies.work import Work
 
-SETTINGS = Settings(initial_conditions=150, hold=3000)
+SEARCH = {'cap': BASINS_CAP, 'tolerance': TOLERANCE, 'seed': SEED, 'initial_conditions': 150,
+          'hold': 3000}
 PARAMETERS = Parameters()
 
 
 def basin(path: Path, plane: Plane, parameters: Parameters = PARAMETERS, *,
-          settings: Settings = SETTINGS, **run):
+          resume: bool = False, threads: int | None = None, cluster: str | None = None, **search):
     """Compute a basin; returns store, labels, lifetimes and attractors."""
-    store, catalogue = compute_basins(parameters, plane, Work(path, **run), settings)
+    store, catalogue = compute_basins(
+        parameters, plane, Work(path, resume, threads, cluster), **SEARCH | search)
     return store, store.read_all('label'), store.read_all('lifetime'), catalogue.attractors
 
 

@@ -32,15 +32,10 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
 
     Parameters
     ----------
-    parameters, plane, initial_conditions, seed
-        The model, the window from which initial conditions are drawn, how many, and their seed.
-    tolerance : float
-        Largest distance of a trajectory that is on its orbit [1].
-    hold : int
-        Impacts after which a trajectory is unsettled, and for which nothing may leave a chaotic
-        attractor.
-    **options
-        As `Work` explains them.
+    parameters, plane
+        The model, and the window from which initial conditions are drawn.
+    tolerance, hold, initial_conditions, seed
+        As `basins` takes them.
 
     """
     require_tolerance(tolerance)
@@ -57,11 +52,8 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
 
 
 def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str = '') -> str:
-    """
-    Put the attractors of a dataset in words, with the cells of a grid by label.
-
-    What is known `beside` them follows; where areas are kept, one line is all.
-    """
+    """Put the attractors of a dataset in words, with the cells of a grid by label."""
+    # What is known `beside` them follows; where areas are kept, one line is all.
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES
     # A grid may reach rest that no random initial condition did.
@@ -75,7 +67,6 @@ def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str =
 
 
 def parameters_of(dataset: Arrays) -> Parameters:
-    """Read the model of a dataset."""
     return Parameters(**{field.name: dataset.attrs[field.name]
                          for field in dataclasses.fields(Parameters)})
 
@@ -93,7 +84,6 @@ def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) 
 
 
 def write_attractors(store: Store, catalogue: Catalogue) -> None:
-    """Write the attractors into a store."""
     store.write_table(table_of(catalogue.attractors))
     store.set_attributes({
         'labels': json.dumps({each.key: each.label for each in catalogue.attractors}),

@@ -1,16 +1,10 @@
 """On which attractor every initial condition of a grid settles, and how soon."""
 
-import dataclasses
 from typing import Final, Unpack
 
 import numpy as np
 
-from .attractors import (
-    describe as describe_attractors,
-    identity_of,
-    require_tolerance,
-    write_attractors,
-)
+from . import attractors
 from .grid import compute_grid, grid_layout
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
@@ -24,24 +18,6 @@ from ..store.store import Store
 
 NAME: Final = 'basins'
 TITLE: Final = 'Basins of attraction of the gear-rattling model'
-
-
-@dataclasses.dataclass(frozen=True)
-class Settings:
-    """
-    What decides over a grid, beside model and plane; `basins` explains it.
-
-    Where not `chaotic`, only orbits and rest end a transient. The result does not depend on
-    `tile`, the length of a tile's edge.
-    """
-
-    cap: int = BASINS_CAP
-    tolerance: float = TOLERANCE
-    initial_conditions: int = INITIAL_CONDITIONS
-    seed: int = SEED
-    hold: int = HOLD
-    chaotic: bool = True
-    tile: int | None = None
 
 
 @Study
@@ -67,31 +43,31 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
     hold : int
         Impacts for which nothing may leave a chaotic attractor.
     tile : int, optional
-        Cells along the edge of a tile.
-    **options
-        As `Work` explains them.
+        Cells along the edge of a tile; the result does not depend on it.
 
     """
-    settings = Settings(cap, tolerance, initial_conditions, seed, hold, tile=tile)
-    return compute_basins(parameters, plane or Plane(), Work(**options), settings)[0]
+    return compute_basins(
+        parameters, plane or Plane(), Work(**options), cap=cap, tolerance=tolerance,
+        initial_conditions=initial_conditions, seed=seed, hold=hold, tile=tile)[0]
 
 
-def compute_basins(parameters: Parameters, plane: Plane, work: Work, settings: Settings,
-                   name: str = NAME, title: str = TITLE) -> tuple[Store, Catalogue]:
+def compute_basins(parameters: Parameters, plane: Plane, work: Work, *, cap: int,
+                   tolerance: float, initial_conditions: int, seed: int, hold: int,
+                   chaotic: bool = True, tile: int | None = None, name: str = NAME,
+                   title: str = TITLE) -> tuple[Store, Catalogue]:
     """Compute a grid into a store; return it with all attractors."""
-    require_tolerance(settings.tolerance)
-    others = dataclasses.asdict(settings)
-    del others['tile']
-    identity = identity_of(name, parameters, plane, **others,
-                           size=[plane.phases, plane.velocities])
-    store = work.begin(grid_layout(plane, identity, title, settings.cap, settings.tile))
+    # Where not `chaotic`, only orbits and rest end a transient.
+    attractors.require_tolerance(tolerance)
+    identity = attractors.identity_of(
+        name, parameters, plane, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
+        initial_conditions=initial_conditions, chaotic=chaotic,
+        size=[plane.phases, plane.velocities])
+    store = work.begin(grid_layout(plane, identity, title, cap, tile))
     catalogue = find_attractors(
-        parameters, plane.draw(
-            parameters, settings.initial_conditions, settings.seed),
-        tolerance=settings.tolerance, hold=settings.hold, chaotic=settings.chaotic,
-        threads=work.threads)
-    catalogue = compute_grid(store, plane, catalogue, settings.cap, work, name)
-    write_attractors(store, catalogue)
+        parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
+        hold=hold, chaotic=chaotic, threads=work.threads)
+    catalogue = compute_grid(store, plane, catalogue, cap, work, name)
+    attractors.write_attractors(store, catalogue)
     return store, catalogue
 
 
@@ -99,18 +75,15 @@ def describe(dataset: Arrays) -> str:
     """Put basins in words: the attractors with their cells, and what is unsettled."""
     labels, numbers = np.unique(dataset['label'].values, return_counts=True)
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
-    return describe_attractors(dataset, cells, (
+    return attractors.describe(dataset, cells, (
         f'unsettled after {counted(dataset.attrs["cap"], "impact")}: '
         f'{cells.get(UNSETTLED, 0):,} of {counted(dataset["label"].values.size, "cell")}'))
 
 
 def magnifications(plane: Plane, levels: int, phase: float | None, velocity: float | None,
                    factor: float) -> list[Plane]:
-    """
-    List the windows of successive magnifications about a point, the middle by default.
-
-    ValueError where the point lies outside the window or the factor is not between 1 and 1e6.
-    """
+    """List the windows of successive magnifications about a point, the middle by default."""
+    # ValueError where the point lies outside the window or the factor is not between 1 and 1e6.
     at = (sum(plane.phase) / 2.0 if phase is None else phase,
           sum(plane.velocity) / 2.0 if velocity is None else velocity)
     for name, value, window in (('phase', at[0], plane.phase),

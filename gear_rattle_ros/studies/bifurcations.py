@@ -11,12 +11,12 @@ import numpy as np
 from .diagram import Diagram, KINDS
 from .endings import Captor, End, find_end, Herd, spread_out, watch
 from ..attractors.catalogue import Kind
-from ..attractors.plane import make_initial_conditions
 from ..core.arrays import FloatArray
+from ..core.flight.lanes import make_initial_conditions
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow, leaving, Turn
-from ..core.orbits.orbit import close_orbit, Orbit, same_orbit
+from ..core.orbits.orbit import close_near, close_orbit, Orbit, REACH, same_orbit
 from ..core.orbits.section import turn as turned
 from ..store.store import Store
 
@@ -38,16 +38,13 @@ FOLLOWING: Final = 10
 
 @dataclasses.dataclass(frozen=True)
 class Event:
-    """
-    Where an attractor changes.
-
-    `what`: of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a
-    stable orbit is born and replaces it), crisis (trajectories leave it for good), interior crisis
-    (it suddenly grows). Of any: not located (it is seen at one alpha and not at the next; at rest,
-    or on an orbit that sticks, it cannot be followed).
-    """
+    """Where an attractor changes."""
 
     attractor: int
+    # Of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a stable
+    # orbit is born and replaces it), crisis (trajectories leave it for good), interior crisis (it
+    # suddenly grows). Of any: not located (it is seen at one alpha and not at the next; at rest,
+    # or on an orbit that sticks, it cannot be followed).
     what: str
     alpha: float
     tolerance: float  # how well alpha is located [1]
@@ -55,7 +52,6 @@ class Event:
 
     @property
     def orbit(self) -> Orbit | None:
-        """Return the orbit that it is about."""
         return self.captor if isinstance(self.captor, Orbit) else None
 
     @property
@@ -72,7 +68,6 @@ class Event:
         return float(min(self.orbit.multipliers, key=lambda m: abs(m - critical)).real)
 
     def describe(self) -> str:
-        """Put it in words."""
         digits = 1 - math.floor(math.log10(self.tolerance))
         return (f'{self.attractor:9d}  {self.what:15s}  {self.alpha:.{digits}f} +- '
                 f'{self.tolerance:.1e}  {self.key}').rstrip()
@@ -98,7 +93,6 @@ class Family:
         return max(sorted(set(self.numbers)), key=self.numbers.count)
 
     def holds(self, orbit: Orbit) -> bool:
-        """Whether an orbit belongs to it."""
         if (orbit.impacts, orbit.drive_periods) != (self.orbits[0].impacts,
                                                     self.orbits[0].drive_periods):
             return False
@@ -119,13 +113,10 @@ Cell: TypeAlias = tuple[int, int]
 
 
 class Search:
-    """
-    Locates where the attractors of a diagram are born, double and end.
+    """Locates where the attractors of a diagram are born, double and end."""
 
-    A periodic one ends where its branch does, so its branch is followed without any
-    trajectory; a chaotic one is followed with its own states.
-    """
-
+    # A periodic one ends where its branch does, so its branch is followed without any trajectory;
+    # a chaotic one is followed with its own states.
     def __init__(self, diagram: Diagram, store: Store, tolerance: float, hold: int) -> None:
         self._diagram, self._tolerance, self._hold = diagram, tolerance, hold
         self._numbers, self._kinds, self._keys, self._states, self._periods = (
@@ -151,8 +142,7 @@ class Search:
             searched(1)
         for n, cells, low, high in self._runs:
             for direction, edge in ((-1.0, low), (1.0, high)):
-                # What is called chaotic may be a long transient at the end of the run, or all
-                # along it.
+                # What seems chaotic may be a long transient, at the end of the run or all along.
                 for cell in sorted(cells, reverse=direction > 0.0):
                     if self._follow_chaos(n, self._diagram.at(cell[0]), self._states[cell],
                                           direction, edge):
@@ -199,8 +189,7 @@ class Search:
         parameters = self._diagram.at(cell[0])
         (row,), _ = record_impacts(make_initial_conditions(
             parameters, *self._states[cell][:, None]), 0, int(self._periods[cell]))
-        orbit = close_orbit(np.signbit(row['velocity']).astype(np.int64),
-                            np.stack([row['phase'], row['velocity']], axis=1), parameters)
+        orbit = close_near(parameters, row, REACH)
         return orbit if orbit is not None and orbit.is_stable else None
 
     def _seen(self, kind: int) -> Iterator[tuple[int, Cell]]:

@@ -32,20 +32,12 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
 
     Parameters
     ----------
-    parameters, alphas
-        The model, and the window of its amplitude [1].
-    plane, seed
-        The window from which initial conditions are drawn, and their seed.
-    columns, trajectories : int
-        Amplitudes, and trajectories at each.
-    keep : int
-        Impacts of each that are kept.
+    parameters, alphas, plane, columns, trajectories, keep, seed
+        As `orbit_diagram` takes them.
     hold : int
         A chaotic attractor lasts where trajectories stay for this number of impacts.
     tolerance : float
         Of the ends of chaotic attractors, in alpha [1].
-    **options
-        As `Work` explains them.
 
     """
     if not 1e-12 <= tolerance <= 1e-2:
@@ -62,12 +54,10 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
 
 
 def describe(dataset: Arrays) -> str:
-    """List the events of a dataset."""
     return str(dataset.attrs['events'])
 
 
 def write_events(store: Store, events: list[Event]) -> None:
-    """Write events as a table."""
     store.write_table({f'event_{name}': (('event',), np.array(values, dtype), named(*words))
                        for name, values, dtype, words in (
         ('attractor', [e.attractor for e in events], 'i4', ('number of the attractor', None)),

@@ -13,7 +13,7 @@ from typing import Final, Unpack
 import numpy as np
 
 from .attractors import require_window
-from .escape_rates import fit_exponent, fit_law, LifetimeLaw
+from .escape_rates import fit_exponent, fit_law
 from .escapes import compute, Escapes, rates_of
 from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
 from .work import Arrays, Study, Work, WorkOptions
@@ -54,8 +54,6 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
         Amplitudes at which they are, and how many at each.
     skip, limit : int
         Escapes before this do not count, and after this a trajectory is given up [impacts].
-    **options
-        As `Work` explains them.
 
     """
     work, plane = Work(**options), plane or Plane(displacement=-0.5)
@@ -79,11 +77,8 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
 
 def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
                ) -> tuple[float, ...]:
-    """
-    Choose where escapes are timed: one alpha before the crisis, then equal steps of the logarithm.
-
-    The tangency only gives where to look; the law is fitted without it.
-    """
+    """Choose where escapes are timed: the tangency gives where, the law is fitted without it."""
+    # One alpha before the crisis, then equal steps of the logarithm.
     beyond = np.geomspace(nearest, farthest, count)
     return tuple(float(round(tangency.alpha + d, 9)) for d in (-2.0 * nearest, *beyond))
 
@@ -111,11 +106,8 @@ def write_law(store: Store) -> None:
 
 
 def describe(dataset: Arrays) -> str:
-    """Put a crisis in words."""
     a = dataset.attrs
-    law = LifetimeLaw(**{field.name: a[f'law_{field.name}']
-                         for field in dataclasses.fields(LifetimeLaw)})
-    alpha, apart = a['tangency_alpha'], law.alpha_c - a['tangency_alpha']
+    alpha, apart = a['tangency_alpha'], a['law_alpha_c'] - a['tangency_alpha']
     inside = PAPER_BRACKET[0] < alpha < PAPER_BRACKET[1]
     lines = [
         f'captor and saddle of {counted(a["saddle_impacts"], "impact")} in '
@@ -124,12 +116,13 @@ def describe(dataset: Arrays) -> str:
         in_columns(['found from', 'alpha_c [1]', 'exponent of the lifetime [1]'], [
             ['tangency of its manifolds', f'{alpha:.10f} +- {a["tangency_uncertainty"]:.1g}',
              f'{a["tangency_exponent"]:.4f} for a homoclinic one'],
-            ['escape rates', f'{law.alpha_c:.7f} +- {law.alpha_c_error:.1g}',
-             f'{law.exponent:.3f} +- {law.exponent_error:.3f}, chi^2 per degree of freedom '
-             f'{law.chi_square:.1f}'],
+            ['escape rates', f'{a["law_alpha_c"]:.7f} +- {a["law_alpha_c_error"]:.1g}',
+             f'{a["law_exponent"]:.3f} +- {a["law_exponent_error"]:.3f}, chi^2 per degree of '
+             f'freedom {a["law_chi_square"]:.1f}'],
             ['escape rates, alpha_c given', f'{alpha:.10f}',
              f'{a["exponent_at_tangency"]:.3f} +- {a["exponent_at_tangency_error"]:.3f}']]),
-        f'both places differ by {apart:.1g}, {abs(apart) / law.alpha_c_error:.1f} standard errors',
+        f'both places differ by {apart:.1g}, {abs(apart) / a["law_alpha_c_error"]:.1f} standard '
+        'errors',
         f'before it, at alpha = {dataset["alpha"].values[0]:.7f}: '
         f'{counted(dataset["escapes"].values[0], "escape")} in '
         f'{dataset["at_risk"].values[0]:.3g} impacts',

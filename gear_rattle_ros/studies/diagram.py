@@ -34,24 +34,18 @@ NOTHING: Final = {'count': 0, 'key': '', 'share': 0.0, 'kind': -1, 'period_impac
 
 @dataclasses.dataclass(frozen=True)
 class Diagram:
-    """
-    What an orbit diagram is made of.
-
-    The sweeps up and down, which go on from the neighbouring column, follow at most `LANES`
-    trajectories.
-    """
+    """What an orbit diagram is made of."""
 
     parameters: Parameters
     alphas: tuple[float, float]  # ends of the window [1], whatever the alpha of `parameters`
     columns: int  # amplitudes, equally spaced, both ends included
     plane: Plane  # from which initial conditions are drawn
-    trajectories: int  # at each amplitude
+    trajectories: int  # at each amplitude; in sweeps up and down at most `LANES`
     seed: int
     window: Window
     sweeps: tuple[str, ...] = SWEEPS
 
     def __post_init__(self) -> None:
-        """Validate."""
         require_window(self.alphas)
         if not 2 <= self.columns <= 100_000:
             raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
@@ -65,8 +59,7 @@ class Diagram:
 
     def draw(self, column: int) -> npt.NDArray[np.void]:
         """Draw the initial conditions of a column, which has a seed of its own."""
-        return self.plane.draw(self.at(column), self.trajectories,
-                               self.seed * 1_000_003 + column)
+        return self.plane.draw(self.at(column), self.trajectories, self.seed * 1_000_003 + column)
 
     def at(self, column: int) -> Parameters:
         """Return the parameters of a column, with its alpha."""

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from .escape_rates import fit_law, FITTED
 from ..attractors.catalogue import OTHERS
-from ..attractors.plane import at_parameters, make_initial_conditions
+from ..attractors.plane import at_parameters
 from ..core.arrays import FloatArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
+from ..core.flight.lanes import make_initial_conditions
 from ..core.flight.lanes_step import LANES
 from ..core.many.escape import EscapeRate
 from ..core.many.orbit_table import dilated
@@ -44,9 +45,8 @@ FACTOR: Final = math.sqrt(2.0)
 # Distance over which an orbit is followed to the end of its window [1], which is left by a leap.
 WIDEST: Final = 0.05
 LEAP: Final = 2.5
-# Where this number of escapes is expected, none is seen once in twenty times; the escape rate
-# grows with the distance from the crisis at most as a power (Grebogi, Ott & Yorke 1987: 1/2 and
-# more).
+# Where this number of escapes is expected, none is seen once in twenty times; the rate grows
+# with the distance at most as a power (Grebogi, Ott & Yorke 1987: 1/2 and more).
 UNSEEN: Final = 3.0
 EXPONENT: Final = 2.0
 
@@ -74,14 +74,11 @@ Captor: TypeAlias = Orbit | str | None
 
 @dataclasses.dataclass(frozen=True)
 class End:
-    """
-    Where a chaotic attractor ends.
+    """Where a chaotic attractor ends."""
 
-    `kind`: window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
-    interior crisis: they come back to it now and then; orbit: it is no end, but goes on as an
-    orbit whose doublings lead up to it.
-    """
-
+    # window: a stable orbit is born and replaces it; crisis: trajectories escape from it; interior
+    # crisis: they come back to it now and then; orbit: it is no end, but goes on as an orbit whose
+    # doublings lead up to it.
     kind: str
     alpha: float
     uncertainty: float  # how far off alpha can be [1]
@@ -98,12 +95,9 @@ def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
 
 def watch(parameters: Parameters, states: RecordArray, hold: int,
           before: Herd | None = None) -> Herd | Captor:
-    """
-    Watch for `hold` impacts each whether trajectories stay on their attractor.
-
-    Return their herd, or what has captured the first that has left. Without `before`, the
-    attractor a little earlier, it is what they are seen on.
-    """
+    """Watch for `hold` impacts each whether trajectories stay on their attractor."""
+    # Return their herd, or what has captured the first that has left. Without `before`, the
+    # attractor a little earlier, it is what they are seen on.
     seen: list[RecordArray] = []
     away = np.ones(LANES, bool)
     rounds = max(ROUNDS, -(-hold // ROUND))
@@ -127,13 +121,10 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
 
 def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance: float,
              hold: int) -> End | None:
-    """
-    Follow a chaotic attractor to its end, as far as the column at `edge`.
-
-    The steps in alpha have the sign of `direction`; `width` is the first and the longest,
-    `tolerance` the shortest. An attractor lasts where `LANES` trajectories stay for `hold`
-    impacts. None where it does not end.
-    """
+    """Follow a chaotic attractor to its end, as far as the column at `edge`."""
+    # The steps in alpha have the sign of `direction`; `width` is the first and the longest,
+    # `tolerance` the shortest. An attractor lasts where `LANES` trajectories stay for `hold`
+    # impacts. None where it does not end.
     step, stayed = width, 0
     captor: Captor = None
     turn = None
@@ -172,8 +163,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after, Orbit):
                         break
             else:
-                # A window narrower than a column is no end: chaos is back on its other side, or at
-                # the next column.
+                # A window narrower than a column is no end: chaos is back behind or next to it.
                 column = edge - direction * width * (
                     math.ceil(direction * (edge - low) / width - 1e-6) - 1)
                 beyond = go_to(direction * min(direction * _far_side(captor, turn, direction),
@@ -253,13 +243,9 @@ def returns(parameters: Parameters, herd: Herd, hold: int) -> bool:
 
 
 def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -> EscapeRate:
-    """
-    Measure how fast trajectories escape beyond the end of their attractor.
-
-    It is enough after `wanted` escapes, or `most` impacts of all together. They are seen every
-    `ROUND` impacts; a trajectory that escapes is replaced, and the first round of each does not
-    count.
-    """
+    """Measure how fast trajectories escape beyond the end of their attractor."""
+    # It is enough after `wanted` escapes, or `most` impacts of all together. They are seen every
+    # `ROUND` impacts; what escapes is replaced, and the first round of each does not count.
     states = herd.states
     counts = np.zeros(LANES, bool)
     escapes = rounds = made = 0

@@ -13,17 +13,11 @@ from .tangency import Tangency
 from .work import Work
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
-from ..attractors.plane import make_initial_conditions, Plane
+from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
-from ..core.flight.lanes import new_tiles
+from ..core.flight.lanes import make_initial_conditions, new_tiles
 from ..core.flight.lanes_step import LANES
-from ..core.many.escape import (
-    CAPTURED,
-    escape_rate,
-    EscapeRate,
-    last_until_captured,
-    SURVIVED,
-)
+from ..core.many.escape import CAPTURED, escape_rate, EscapeRate, last_until_captured, SURVIVED
 from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
@@ -38,20 +32,14 @@ PARTS: Final = 8
 
 @dataclasses.dataclass(frozen=True)
 class Escapes:
-    """
-    Trajectories whose escape is timed.
+    """Trajectories whose escape is timed."""
 
-    The first alpha lies before the crisis, to see that nothing escapes. The initial conditions,
-    drawn from `plane`, are the same at each. Escapes within `skip` impacts do not count: the
-    initial condition lay in the basin.
-    """
-
-    alphas: tuple[float, ...]
+    alphas: tuple[float, ...]  # the first before the crisis, to see that nothing escapes
     parameters: Parameters
-    plane: Plane
+    plane: Plane  # from which initial conditions are drawn, the same at each alpha
     wanted: int  # escapes at each alpha, shared among `PARTS`
     seed: int
-    skip: int
+    skip: int  # impacts within which escapes do not count: these began in the basin
     limit: int  # impacts after which a trajectory is given up
     limit_before: int  # the same, at the first alpha
     points: tuple[FloatArray, ...]  # of the captor at each alpha (phase, velocity)
@@ -59,7 +47,6 @@ class Escapes:
 
     @property
     def wanted_of_part(self) -> int:
-        """Escapes of a part."""
         return -(-self.wanted // PARTS)
 
     @property
@@ -100,8 +87,7 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     """Time the escapes of one part at one alpha into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
-    initial = escapes.plane.draw(parameters, escapes.trajectories,
-                                 escapes.seed * 1_000_003 + part)
+    initial = escapes.plane.draw(parameters, escapes.trajectories, escapes.seed * 1_000_003 + part)
     lifetimes, fates, ends = last_until_captured(
         new_tiles(1)[0], initial, escapes.points[k], escapes.radius, escapes.skip,
         escapes.wanted_of_part, escapes.limit if k else escapes.limit_before)
@@ -123,7 +109,6 @@ def rates_of(lifetimes: npt.NDArray[Any], fates: npt.NDArray[Any], skip: int) ->
 
 
 def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:
-    """Time the escapes and return the complete store."""
     store = work.begin(layout_of(escapes, tangency))
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
     distances = np.abs(np.array(escapes.alphas) - tangency.alpha)

@@ -11,8 +11,8 @@ from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
 from ..attractors.listing import named
-from ..attractors.plane import Plane, StartArray
-from ..core.arrays import FloatArray
+from ..attractors.plane import Plane
+from ..core.arrays import FloatArray, RecordArray
 from ..core.defaults import EXPONENT_IMPACTS
 from ..core.flight.lanes import new_tiles
 from ..core.many.growth import grow
@@ -26,14 +26,11 @@ NAME: Final = 'exponents'
 EDGE: Final = 100
 
 
-def finite_time_exponents(initial: StartArray, count: int, threads: int | None = None,
+def finite_time_exponents(initial: RecordArray, count: int, threads: int | None = None,
                           check: Check = go_on) -> FloatArray:
-    """
-    Find the largest finite-time exponents of initial conditions over some impacts.
-
-    Per impact [1]; -inf where the driven gear sticks or comes to rest, nan where it floats.
-    `check` is called for every batch and raises to give up.
-    """
+    """Find the largest finite-time exponents of initial conditions over some impacts."""
+    # Per impact [1]; -inf where the driven gear sticks or comes to rest, nan where it floats.
+    # `check` is called for every batch and raises to give up.
     exponents = np.zeros(len(initial))
 
     def work(batch: int) -> None:
@@ -47,12 +44,12 @@ def finite_time_exponents(initial: StartArray, count: int, threads: int | None =
 
 @Study
 def exponents(parameters: Parameters, plane: Plane | None = None, *,
-              impacts: int = EXPONENT_IMPACTS, **options: Unpack[WorkOptions]
-              ) -> Store:
+              impacts: int = EXPONENT_IMPACTS, **options: Unpack[WorkOptions]) -> Store:
     """
     Find how fast neighbouring trajectories of every cell of a plane diverge or converge.
 
-    The dataset has `exponent` per impact [1] of every cell, as `finite_time_exponents` finds it.
+    The dataset has `exponent` per impact [1] of every cell: -inf where the driven gear sticks, nan
+    where it floats. It runs on the threads of this machine only.
 
     Parameters
     ----------
@@ -60,8 +57,6 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
         The model and the cells.
     impacts : int
         Impacts of every trajectory.
-    **options
-        As `Work` explains them; no cluster.
 
     """
     work, plane = Work(**options), plane or Plane()
@@ -87,7 +82,6 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
 
 
 def describe(dataset: Arrays) -> str:
-    """Put finite-time exponents in words."""
     values = dataset['exponent'].values
     finite = values[np.isfinite(values)]
     return (f'{np.mean(finite > 0.0) if len(finite) else np.nan:.3%} of the trajectories that do '

@@ -54,11 +54,8 @@ def axes_of(plane: Plane, edge: int) -> tuple[Axis, Axis]:
 
 def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
               ) -> tuple[int, tuple[Orbit, ...]]:
-    """
-    Compute and store a tile; what is unsettled once more, where late orbits are known.
-
-    Returns the impacts made, and stable orbits that the catalogue did not know.
-    """
+    """Compute and store a tile; what is unsettled once more, where late orbits are known."""
+    # Returns the impacts made, and stable orbits that the catalogue did not know.
     store = Store(path)
     part, shape = store.tiles[tile], _shape(store, tile)
     level = Level(plane.cells(known.parameters, part['velocity'], part['phase']), shape, cap,

@@ -9,20 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from .attractors import describe as describe_attractors
-from .basins import compute_basins, Settings
+from .basins import compute_basins
 from .grid import GRIDS
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import follow_here
 from ..attractors.listing import named
 from ..attractors.plane import Plane
+from ..core import defaults
 from ..core.arrays import FloatArray, IntArray
-from ..core.defaults import (
-    LIFETIMES_CAP,
-    LIFETIMES_HOLD,
-    LIFETIMES_INITIAL_CONDITIONS,
-    SEED,
-    TOLERANCE,
-)
 from ..core.many.escape import escape_rate
 from ..core.many.settling import RecordArray, RESULT, Table, UNSETTLED
 from ..core.model import Parameters
@@ -41,12 +35,9 @@ FAR: Final = 20
 
 @dataclasses.dataclass(frozen=True)
 class Merged:
-    """
-    Initial conditions from which the driven gear sticks; many go on as one trajectory.
+    """Initial conditions from which the driven gear sticks; many go on as one trajectory."""
 
-    A row stands for all that stick after the same number of impacts and leave at the same phase.
-    """
-
+    # A row stands for all that stick after the same number of impacts and leave at the same phase.
     stick: IntArray  # impacts until the driven gear sticks
     after: IntArray  # impacts from there until it settles
     count: IntArray  # initial conditions
@@ -60,12 +51,7 @@ NONE: Final = Merged(*np.zeros((6, 0), np.int64))
 
 @dataclasses.dataclass(frozen=True)
 class Escape:
-    """
-    Escape times of many initial conditions, censored at a cap.
-
-    The standard error of the mean is its scatter when as many initial conditions are drawn at
-    random from the window; the even ones of a grid scatter no more.
-    """
+    """Escape times of many initial conditions, censored at a cap."""
 
     cap: int  # impacts after which an initial condition was given up
     initial_conditions: int
@@ -78,10 +64,10 @@ class Escape:
     rate: float  # escapes per impact of independent trajectories in the tail
     rate_error: float
     mean: float  # lifetime [impacts], by the tail from `begin` on; inf where nothing escapes
+    # The scatter when as many are drawn at random from the window; even ones scatter no more.
     mean_error: float
 
     def describe(self) -> str:
-        """Put it in words, on a few lines."""
         lines = [
             f'{self.censored:,} of {counted(self.initial_conditions, "initial condition")} '
             f'({self.censored / self.initial_conditions:.2%}) live '
@@ -97,15 +83,11 @@ class Escape:
 
 
 def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged = NONE) -> Escape:
-    """
-    Estimate the mean lifetime of censored transients.
-
-    `counts`, shape (cap + 1,), are independent initial conditions that were seen to escape, by
-    their lifetime, `censored` those that were given up at the cap; the tail begins after `begin`
-    impacts. The rate is that of these, which go on at it beyond the cap. The few trajectories that
-    many initial conditions share do not need it: they are followed to their ends. ValueError where
-    there is nothing, or the tail does not begin below the cap.
-    """
+    """Estimate the mean lifetime of censored transients."""
+    # `counts`, shape (cap + 1,), are independent initial conditions that were seen to escape, by
+    # their lifetime, `censored` those that were given up at the cap; the tail begins after `begin`
+    # impacts. The rate is that of these, which go on at it beyond the cap. The few trajectories
+    # that many initial conditions share do not need it: they are followed to their ends.
     cap = len(counts) - 1
     lived, numbers = np.append(np.arange(cap + 1), cap), np.append(counts, censored)
     n = int(np.sum(numbers) + np.sum(merged.count))
@@ -133,14 +115,10 @@ def estimate_escape(counts: IntArray, censored: int, begin: int, merged: Merged 
         math.hypot(spread * math.sqrt(n), *errors) / n)
 
 
-def distribution(counts: IntArray, censored: int
-                 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """
-    Count escapes in bins that are even in the logarithm.
-
-    Returns the edges of the bins [impacts], the escapes in (edge, next edge], and the share whose
-    lifetime is longer than each edge.
-    """
+def distribution(counts: IntArray, censored: int) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Count escapes in bins that are even in the logarithm."""
+    # Returns the edges of the bins [impacts], the escapes in (edge, next edge], and the share
+    # whose lifetime is longer than each edge.
     cap = len(counts) - 1
     edges = np.concatenate([[0.0], np.unique(np.round(np.geomspace(1, max(cap, 2), BINS)))])
     below = np.cumsum(counts)[np.minimum(edges, cap).astype(np.int64)]
@@ -149,16 +127,16 @@ def distribution(counts: IntArray, censored: int
 
 
 @Study
-def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = LIFETIMES_CAP,
-              tail: int | None = None, tolerance: float = TOLERANCE,
-              initial_conditions: int = LIFETIMES_INITIAL_CONDITIONS, seed: int = SEED,
-              hold: int = LIFETIMES_HOLD, tile: int | None = None,
-              **options: Unpack[WorkOptions]) -> Store:
+def lifetimes(parameters: Parameters, plane: Plane | None = None, *,
+              cap: int = defaults.LIFETIMES_CAP, tail: int | None = None,
+              tolerance: float = defaults.TOLERANCE,
+              initial_conditions: int = defaults.LIFETIMES_INITIAL_CONDITIONS,
+              seed: int = defaults.SEED, hold: int = defaults.LIFETIMES_HOLD,
+              tile: int | None = None, **options: Unpack[WorkOptions]) -> Store:
     """
     Find how long every cell of a plane is transient; only an orbit or rest ends a transient.
 
-    The dataset has what `basins` has, the distribution of the lifetimes, and `Escape` as
-    attributes.
+    The dataset has what `basins` has, the distribution of the lifetimes, and their mean.
 
     Parameters
     ----------
@@ -170,8 +148,6 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         Where the exponential tail begins [impacts]; a tenth of the cap by default.
     tolerance, initial_conditions, seed, hold, tile
         As `basins` takes them.
-    **options
-        As `Work` explains them.
 
     """
     begin = int(TAIL * cap) if tail is None else tail
@@ -179,8 +155,8 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         raise ValueError(f'--tail {begin} does not lie below the cap of {counted(cap, "impact")}')
     plane = plane or Plane()
     store, catalogue = compute_basins(
-        parameters, plane, Work(**options), Settings(
-            cap, tolerance, initial_conditions, seed, hold, chaotic=False, tile=tile), NAME, TITLE)
+        parameters, plane, Work(**options), cap=cap, tolerance=tolerance, seed=seed, hold=hold,
+        initial_conditions=initial_conditions, chaotic=False, tile=tile, name=NAME, title=TITLE)
     escaped, censored, merged = tally(parts_of(store, parameters, plane), catalogue.table, cap)
     escape = estimate_escape(escaped[0], int(censored[0]), begin, merged)
     edges, counts, survival = distribution(np.sum(escaped, axis=0), int(np.sum(censored)))
@@ -195,7 +171,6 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
 
 
 def escape_of(dataset: Arrays) -> Escape:
-    """Read the estimate of a dataset."""
     values = {field.name: dataset.attrs[f'escape_{field.name}']
               for field in dataclasses.fields(Escape)}
     # JSON has no infinity.
@@ -221,12 +196,9 @@ def parts_of(store: Store, parameters: Parameters, plane: Plane
 
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int
           ) -> tuple[IntArray, IntArray, Merged]:
-    """
-    Count lifetimes up to the cap and what was given up there, and gather what is shared.
-
-    The first row of both counts is of those that are independent, the second of those from which
-    the driven gear sticks; each trajectory that these share is followed once.
-    """
+    """Count lifetimes up to the cap and what was given up there, and gather what is shared."""
+    # The first row of both counts is of those that are independent, the second of those from which
+    # the driven gear sticks; each trajectory that these share is followed once.
     counts, censored = np.zeros((2, cap + 1), np.int64), np.zeros(2, np.int64)
     rows: dict[tuple[float, int], list[int]] = {}
     first: dict[float, RecordArray] = {}

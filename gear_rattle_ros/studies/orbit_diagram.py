@@ -15,9 +15,10 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
 from ..attractors.listing import named
-from ..attractors.plane import at_parameters, make_initial_conditions, Plane, STATE
+from ..attractors.plane import at_parameters, Plane, STATE
 from ..attractors.tracks import track
 from ..core.defaults import SEED
+from ..core.flight.lanes import make_initial_conditions
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
@@ -32,8 +33,7 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
                   plane: Plane | None = None, *, columns: int = 780, trajectories: int = 32,
                   keep: int = 2048, hold: int = Window.hold, bins: int = 900,
                   bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
-                  sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]
-                  ) -> Store:
+                  sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]) -> Store:
     """
     Count impact velocities against alpha, attractor by attractor, with the largest exponent.
 
@@ -56,8 +56,6 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
         Bins of the velocity, and their window [1].
     sweeps : tuple of str
         Of 'starts' (many initial conditions at each alpha), 'up' and 'down' (followed).
-    **options
-        As `Work` explains them.
 
     """
     return compute(Diagram(
@@ -67,7 +65,6 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
 
 
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
-    """Compute a diagram into a store."""
     store = work.begin(layout_of(diagram))
     fill = functools.partial(fill_tile, diagram, store.path)
 

@@ -10,13 +10,9 @@ ELSEWHERE: Final = 10.0
 
 
 class Progress:
-    """
-    Progress with rate and time left.
+    """Progress with rate and time left; it ends with its context."""
 
-    On a terminal it is one line that is overwritten, elsewhere a line now and then, and nothing
-    where it is `quiet`. It ends with its context.
-    """
-
+    # On a terminal it is one line that is overwritten, elsewhere a line now and then.
     def __init__(self, name: str, total: int, stream: TextIO, quiet: bool = False) -> None:
         self._every = math.inf if quiet else ON_TERMINAL if stream.isatty() else ELSEWHERE
         self._name = name
@@ -41,7 +37,6 @@ class Progress:
             self._report(now - self._begin)
 
     def __enter__(self) -> Self:
-        """Begin."""
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -45,8 +45,6 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
         Along phase and velocity.
     bin_window : tuple of float
         Velocities that are counted [1].
-    **options
-        As `Work` explains them.
 
     """
     if not bin_window[0] < bin_window[1]:

@@ -53,7 +53,6 @@ class Boundary:
 
     @property
     def directions(self) -> Saddle:
-        """Return the saddle with its directions."""
         return saddle_of(self.saddle, self.captor)
 
 
@@ -81,12 +80,9 @@ def carry(orbit: Orbit, alpha: float) -> Orbit:
 
 
 def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary:
-    """
-    Find the orbit that captures trajectories beyond a crisis, and its saddle.
-
-    The crisis lies between `low` and the alpha of the parameters, where all trajectories are
-    captured in the end. ValueError where none is by a periodic orbit, or that has no saddle.
-    """
+    """Find the orbit that captures trajectories beyond a crisis, and its saddle."""
+    # The crisis lies between `low` and the alpha of the parameters, where all trajectories are
+    # captured in the end. ValueError where none is by a periodic orbit, or that has no saddle.
     found = find_attractors(parameters, Plane().draw(parameters, 64, seed), hold=HOLD,
                             chaotic=False)
     if not found.orbits:
@@ -107,13 +103,10 @@ def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary
 
 def find_tangency(boundary: Boundary, low: float, high: float,
                   searched: Callable[[int], None] = lambda count: None) -> Tangency:
-    """
-    Find where the unstable manifold of the saddle first crosses its stable one.
-
-    Bisection is followed by secants once the distance is smooth; a finer search at the end gives
-    part of the uncertainty. `searched` is called with the searches of the manifold made.
-    ValueError where `low` and `high` do not bracket a crisis.
-    """
+    """Find where the unstable manifold of the saddle first crosses its stable one."""
+    # Bisection is followed by secants once the distance is smooth; a finer search at the end gives
+    # part of the uncertainty. `searched` is called with the searches of the manifold made.
+    # ValueError where `low` and `high` do not bracket a crisis.
     def look(alpha: float, **how: Any) -> Edge:
         searched(1)
         return find_edge(boundary.at(alpha).directions, **how)
@@ -150,12 +143,9 @@ def find_tangency(boundary: Boundary, low: float, high: float,
 
 
 def radius_of(boundary: Boundary) -> float:
-    """
-    Choose how near to the captor a trajectory counts as captured [rad, 1].
-
-    It is a tenth of the way to the saddle at their nearest points, rounded, so that it is the same
-    on every machine.
-    """
+    """Choose how near to the captor a trajectory counts as captured [rad, 1]."""
+    # It is a tenth of the way to the saddle at their nearest points, rounded, so that it is the
+    # same on every machine.
     captor, saddle = boundary.captor, boundary.saddle
     apart = distances(captor.velocities[:, None], captor.phases[:, None], saddle.velocities,
                       saddle.phases)

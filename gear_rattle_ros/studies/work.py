@@ -1,13 +1,13 @@
 """How a study runs and where its dataset is kept: the keywords that every study takes."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 import contextlib
 import dataclasses
 import functools
 import inspect
 from pathlib import Path
 import sys
-from typing import Any, Generic, ParamSpec, Protocol, TYPE_CHECKING, TypeAlias, TypedDict, TypeVar
+from typing import Final, Generic, ParamSpec, TYPE_CHECKING, TypeAlias, TypedDict, TypeVar
 
 from .progress import Progress
 from ..attractors.engine import run_tiles
@@ -20,36 +20,25 @@ if TYPE_CHECKING:
 
 # Its import takes long.
 Dataset: TypeAlias = 'xarray.Dataset'
+# From what words are made.
+Arrays: TypeAlias = 'Store | xarray.Dataset'
+# What every study takes, at the end of its parameters.
+OPTIONS: Final = '\n**options\n    As `Work` explains them.\n'
 Result = TypeVar('Result')
 P = ParamSpec('P')
 
 
-class Arrays(Protocol):
-    """A dataset, or a store, from which words are made."""
-
-    @property
-    def attrs(self) -> Mapping[Any, Any]:
-        """Attributes."""
-
-    def __getitem__(self, name: str, /) -> Any:
-        """Return what has the `values` of an array."""
-
-
 class Study(Generic[P]):
-    """
-    A study: called, it returns its dataset.
-
-    `compute` returns the finished store instead, for commands: xarray takes longer to import than
-    a small grid to compute.
-    """
+    """A study: called, it returns its dataset."""
 
     def __init__(self, compute: Callable[P, Store]) -> None:
+        # For commands: xarray takes longer to import than a small grid to compute.
         self.compute = compute
         functools.update_wrapper(self, compute)
+        self.__doc__ = inspect.cleandoc(compute.__doc__ or '') + OPTIONS
         self.__signature__ = inspect.signature(compute).replace(return_annotation=Dataset)
 
     def __call__(self, *args: P.args, **options: P.kwargs) -> Dataset:
-        """Compute, and return the dataset."""
         return self.compute(*args, **options).dataset()
 
 

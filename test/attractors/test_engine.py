@@ -1,12 +1,11 @@
 """Threads and a cluster of processes compute the same; what fails is told."""
 
-import dataclasses
 import os
 import signal
 import threading
 import time
 
-from grids import basin, files_of, SETTINGS
+from grids import basin, files_of
 import numpy as np
 import pytest
 
@@ -58,9 +57,8 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
 def test_a_cluster_with_a_killed_worker_gives_the_same_store(tmp_path, monkeypatch):
     """Worker processes write the tiles; one is killed in mid-run and its tiles are done again."""
     distributed = pytest.importorskip('distributed')
-    settings = dataclasses.replace(SETTINGS, tile=20)
     plane, parameters = Plane(phases=140, velocities=140), Parameters(alpha=0.53)
-    here, *_ = basin(tmp_path / 'here', plane, parameters, settings=settings)
+    here, *_ = basin(tmp_path / 'here', plane, parameters, tile=20)
     with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
             dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
@@ -77,7 +75,7 @@ def test_a_cluster_with_a_killed_worker_gives_the_same_store(tmp_path, monkeypat
                 killed.append(time.monotonic())
 
         monkeypatch.setattr(tiles_module.Store, 'mark', mark_and_kill)
-        there, *_ = basin(tmp_path / 'there', plane, parameters, settings=settings,
+        there, *_ = basin(tmp_path / 'there', plane, parameters, tile=20,
                           cluster=cluster.scheduler_address)
     assert killed
     assert there.pending() == []

@@ -23,7 +23,6 @@ from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import shortest_recurrence
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.store.store import open_dataset, Store
-from gear_rattle_ros.studies.basins import Settings
 
 # (alpha, beta, gamma, restitution): the paper's ranges, near bifurcations, thin basins, far away.
 PAPERS = [(alpha, 0.1, 0.1, 0.9) for alpha in (
@@ -86,8 +85,8 @@ def test_every_tool_finds_the_same(first, tmp_path):
         one.attractor.key: one.attractor.share for one in branches}
     assert_one_answer(known(first), known(catalogue), 300, 96)
     plane = Plane(phases=20, velocities=20)
-    _, labels, _, attractors = basin(tmp_path / 'a', plane, parameters, settings=Settings(
-        cap=20_000, initial_conditions=100, seed=4, hold=20_000))
+    _, labels, _, attractors = basin(tmp_path / 'a', plane, parameters, cap=20_000,
+                                     initial_conditions=100, seed=4, hold=20_000)
     assert_one_answer(known(first), {
         each.key: each.share for each in attractors if each.settled}, 300, 100)
     of = {each.label: each.key for each in attractors} | {UNSETTLED: 'unsettled'}

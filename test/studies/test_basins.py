@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from grids import basin, SETTINGS
+from grids import basin
 import numpy as np
 import pytest
 
@@ -39,9 +39,7 @@ def reference(tmp_path_factory):
 @pytest.mark.parametrize(('tile', 'threads'), [(7, 2), (48, 1), (13, 3)])
 def test_labels_do_not_depend_on_tiles_or_threads(tmp_path, reference, tile, threads):
     """A start is followed alone, whatever else its tile holds."""
-    settings = dataclasses.replace(SETTINGS, tile=tile)
-    _, label, lifetime, attractors = basin(
-        tmp_path / 'a.zarr', PLANE, settings=settings, threads=threads)
+    _, label, lifetime, attractors = basin(tmp_path / 'a.zarr', PLANE, tile=tile, threads=threads)
     assert np.array_equal(label, reference[1])
     assert np.array_equal(lifetime, reference[2])
     assert [each.key for each in attractors] == [each.key for each in reference[3]]
@@ -49,16 +47,15 @@ def test_labels_do_not_depend_on_tiles_or_threads(tmp_path, reference, tile, thr
 
 def test_resume_gives_the_same_store(tmp_path, reference):
     """Tiles that are lost are computed again, the others are not touched."""
-    settings = dataclasses.replace(SETTINGS, tile=10)
     path = tmp_path / 'a.zarr'
-    store, label, _, _ = basin(path, PLANE, settings=settings)
+    store, label, _, _ = basin(path, PLANE, tile=10)
     for tile in (0, 7, 11):
         shape = store.read(tile, 'label').shape
         store.write(tile, {'label': np.full(shape, 99), 'lifetime': np.zeros(shape)})
         store.mark(tile, done=False)
     kept = store.path / 'label' / 'c.1.1'
     before = kept.stat().st_mtime_ns
-    _, again, lifetime, _ = basin(path, PLANE, settings=settings, resume=True)
+    _, again, lifetime, _ = basin(path, PLANE, tile=10, resume=True)
     assert np.array_equal(again, label)
     assert np.array_equal(lifetime, reference[2])
     assert kept.stat().st_mtime_ns == before
@@ -67,15 +64,15 @@ def test_resume_gives_the_same_store(tmp_path, reference):
 @pytest.mark.parametrize('tile', [9, 48])
 def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, tile):
     """With one random start the other attractor is met by the tiles; labels mean the same."""
-    settings = dataclasses.replace(SETTINGS, initial_conditions=1, cap=1500, tile=tile)
-    _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, settings=settings)
+    search = {'initial_conditions': 1, 'cap': 1500, 'tile': tile}
+    _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, **search)
     _, expected, lifetimes, known = reference
     assert len(attractors) == len(known) == 2
     assert [each.settled for each in attractors] == [1, 0]
     ours = np.array([each.key for each in attractors])[label]
     assert np.array_equal(ours, np.array([each.key for each in known])[expected])
     assert np.array_equal(lifetime, lifetimes)
-    _, again, _, _ = basin(tmp_path / 'a', PLANE, settings=settings, resume=True)
+    _, again, _, _ = basin(tmp_path / 'a', PLANE, resume=True, **search)
     assert np.array_equal(again, label)
 
 
@@ -182,10 +179,8 @@ def test_shares_converge_with_the_size_of_the_grid(tmp_path):
 
 def test_a_chaotic_attractor_has_a_basin_of_its_own(tmp_path):
     """At alpha = 0.57 there are an orbit and chaos; nothing is left over."""
-    settings = dataclasses.replace(SETTINGS, hold=20_000)
     _, label, lifetime, attractors = basin(
-        tmp_path / 'a', Plane(phases=30, velocities=30), Parameters(alpha=0.57),
-        settings=settings)
+        tmp_path / 'a', Plane(phases=30, velocities=30), Parameters(alpha=0.57), hold=20_000)
     assert [each.kind for each in attractors] == [Kind.PERIODIC, Kind.CHAOTIC]
     assert set(np.unique(label)) == {0, 1}
     assert lifetime[label == 1].max() < 2000
@@ -206,8 +201,7 @@ def test_rest_and_floating_have_labels_of_their_own(tmp_path):
 
 def test_starts_that_are_given_up_are_counted_not_guessed(tmp_path):
     """With a cap of a few impacts nearly nothing settles."""
-    settings = dataclasses.replace(SETTINGS, cap=12)
-    _, label, lifetime, _ = basin(tmp_path / 'a', PLANE, settings=settings)
+    _, label, lifetime, _ = basin(tmp_path / 'a', PLANE, cap=12)
     assert np.mean(label == UNSETTLED) > 0.8
     assert np.all(lifetime[label == UNSETTLED] == 12)
 
