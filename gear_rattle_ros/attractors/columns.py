@@ -17,21 +17,16 @@ from ..core.orbits.orbit import Orbit
 
 @dataclasses.dataclass(frozen=True)
 class Window:
-    """
-    What is followed and counted at each alpha.
-
-    After `hold` impacts a trajectory is unsettled, and for as many nothing may leave a chaotic
-    attractor.
-    """
+    """What is followed and counted at each alpha."""
 
     keep: int = 2048  # impacts of each trajectory that are counted
     low: float = -3.0  # the velocities between which they are [1]
     high: float = 3.0
     bins: int = 1200
+    # Impacts after which all is unsettled, and for which nothing may leave a chaotic attractor.
     hold: int = 10_000
 
     def __post_init__(self) -> None:
-        """Validate."""
         if self.keep < BLOCKS:
             raise ValueError(f'impacts to keep {self.keep} must be at least {BLOCKS}')
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
@@ -43,16 +38,12 @@ class Window:
 
 @dataclasses.dataclass(frozen=True)
 class Branch:
-    """
-    An attractor at one alpha, or what has not settled there.
-
-    The largest exponent per impact [1] of a periodic orbit follows from its multipliers, without
-    an error; else it is the mean of all blocks.
-    """
+    """An attractor at one alpha, or what has not settled there."""
 
     attractor: Attractor
     states: RecordArray  # of the trajectories that are on it
     counts: FloatArray  # their impact velocities, by bin
+    # The largest per impact [1]: of an orbit from its multipliers, else the mean of all blocks.
     exponent: float
     exponent_error: float
     exact_sum: float  # what both exponents add up to [1]
@@ -60,11 +51,8 @@ class Branch:
 
 def find_branches(parameters: Parameters, initial: RecordArray, window: Window,
                   known: tuple[Orbit, ...] = ()) -> tuple[Catalogue, list[Branch]]:
-    """
-    Find the attractors at one alpha, knowing the orbits at a neighbouring one.
-
-    The branch with most trajectories comes first; known orbits that are reached by none come last.
-    """
+    """Find the attractors at one alpha, knowing the orbits at a neighbouring one."""
+    # The branch with most trajectories comes first; known orbits that none reaches come last.
     catalogue = find_attractors(parameters, initial, hold=window.hold, known=known, effort=SWEEP,
                                 threads=1)
     found = sorted(catalogue.attractors, key=lambda each: (-each.settled, each.key))
@@ -80,8 +68,7 @@ def _branch(attractor: Attractor, catalogue: Catalogue, window: Window) -> Branc
         counts, _ = np.histogram(
             attractor.orbit.velocities, window.bins, (window.low, window.high),
             weights=impacts // q + (np.arange(q) < impacts % q))
-        return Branch(attractor, states, counts, attractor.exponents[0], 0.0,
-                      attractor.exact_sum)
+        return Branch(attractor, states, counts, attractor.exponents[0], 0.0, attractor.exact_sum)
     if attractor.kind in (Kind.RESTING, Kind.FLOATING) or not len(states):
         return Branch(attractor, states, counts, -math.inf, math.nan, math.nan)
     counted = count_velocities(states, window.keep, window.low, window.high, window.bins)

@@ -28,15 +28,12 @@ def threads_here() -> int:
 def run_tiles(work: Callable[[int], Result], tiles: Sequence[int],
               finished: Callable[[int, Result], None], *, cluster: str | None = None,
               threads: int | None = None) -> None:
-    """
-    Do a piece of work for every tile, on threads of this process or on a Dask cluster.
-
-    `work` takes the number of a tile, on which alone it depends, stores what it computes and
-    returns something small; on a cluster it is pickled. `finished` is called for every tile in
-    this thread, in the order in which they end. An exception of `work` or Ctrl-C ends the run:
-    what is still running is abandoned. EngineError where the cluster cannot be reached, or a
-    tile's workers die again and again.
-    """
+    """Do a piece of work for every tile, on threads of this process or on a Dask cluster."""
+    # `work` takes the number of a tile, on which alone it depends, stores what it computes and
+    # returns something small; on a cluster it is pickled. `finished` is called for every tile in
+    # this thread, in the order in which they end. An exception of `work` or Ctrl-C ends the run:
+    # what is still running is abandoned. EngineError where the cluster cannot be reached, or a
+    # tile's workers die again and again.
     if not tiles:
         return
     if cluster:

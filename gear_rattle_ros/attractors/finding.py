@@ -120,7 +120,6 @@ class _Search:
 
     @property
     def unsettled(self) -> RecordArray:
-        """Return the states of what is left."""
         return self.known.states[self.left]
 
     def add(self, orbits: list[Orbit]) -> bool:
@@ -159,8 +158,7 @@ class _Search:
             check()
             ends = np.concatenate([ends, chaos.states[chaos.recurs]])
             report = chaos.exponents
-            if (np.any(chaos.recurs)
-                    or not report.lambda_1 > SIGNIFICANT * report.lambda_1_error):
+            if np.any(chaos.recurs) or not report.lambda_1 > SIGNIFICANT * report.lambda_1_error:
                 continue
             if chaos.impacts < wanted:
                 # Few trajectories came there: they go on in all lanes.
@@ -204,11 +202,8 @@ def carried(orbits: tuple[Orbit, ...], parameters: Parameters, tolerance: float)
 
 def orbits_among(parameters: Parameters, states: RecordArray, count: int, longest: int,
                  tolerance: float, check: Check = go_on) -> list[Orbit]:
-    """
-    Find the stable periodic orbits of at most `longest` impacts that trajectories approach.
-
-    Each trajectory is followed for `count` impacts; the orbits come in the order of their keys.
-    """
+    """Find the stable periodic orbits of at most `longest` impacts that trajectories approach."""
+    # Each trajectory is followed for `count` impacts; the orbits come in the order of their keys.
     found: dict[str, Orbit] = {}
     for first in range(0, len(states), BATCH):
         check()

@@ -18,12 +18,9 @@ COLUMNS: Final = tuple(f'attractor_{name}' for name in (
 
 
 def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None) -> str:
-    """
-    List attractors, numbered as in the dataset and in every picture.
-
-    `columns` are the arrays of `table_of`, by name; `hold` is the number of impacts after which
-    what has not settled is unsettled, and `cells` counts the cells of a grid by label.
-    """
+    """List attractors, numbered as in the dataset and in every picture."""
+    # `columns` are the arrays of `table_of`, by name; `hold` is the number of impacts after which
+    # what has not settled is unsettled, and `cells` counts the cells of a grid by label.
     headings = [' label', 'key', 'kind', ' random initial conditions [%]', 'period or exponents']
     rows = []
     for k, label in enumerate(columns['attractor_label']):

@@ -35,12 +35,9 @@ def points_of(catalogue: Catalogue) -> list[tuple[FloatArray, bool]]:
 
 
 def distance(first: FloatArray, second: FloatArray) -> float:
-    """
-    Return how far apart the points of two attractors are on the section [1].
-
-    It is the mean distance of a point from the nearest of the other, the larger of both ways, and
-    inf where one touches a wall that the other does not.
-    """
+    """Return how far apart the points of two attractors are on the section [1]."""
+    # It is the mean distance of a point from the nearest of the other, the larger of both ways,
+    # and inf where one touches a wall that the other does not.
     apart = np.hypot(turn(first[:, None, 1] - second[None, :, 1]),
                      first[:, None, 2] - second[None, :, 2])
     apart = np.where(first[:, None, 0] == second[None, :, 0], apart, math.inf)
@@ -49,13 +46,10 @@ def distance(first: FloatArray, second: FloatArray) -> float:
 
 def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
            is_complete: bool = True, fresh: int = 0) -> tuple[tuple[Trace, ...], tuple[int, ...]]:
-    """
-    Give every attractor the number of the one that it was at the parameters before.
-
-    The nearest pairs are matched first; the number of one that has vanished is free for the next.
-    Where the search was not `is_complete`, the numbers of chaotic attractors are kept; a new one
-    has at least the number `fresh`. Returns what is known from now on, and every number.
-    """
+    """Give every attractor the number of the one that it was at the parameters before."""
+    # The nearest pairs are matched first; the number of one that has vanished is free for the
+    # next. Where the search was not `is_complete`, the numbers of chaotic attractors are kept; a
+    # new one has at least the number `fresh`. Returns what is known from now on, and every number.
     pairs = sorted(
         ((distance(points, trace.points), place, before)
          for place, (points, _) in enumerate(found) for before, trace in enumerate(known)),

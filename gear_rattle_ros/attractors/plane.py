@@ -5,17 +5,15 @@ import math
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from ..core.arrays import FloatArray
-from ..core.flight.lanes import START
+from ..core.arrays import FloatArray, RecordArray
+from ..core.flight.lanes import make_initial_conditions
 from ..core.model import Parameters, require_finite, VELOCITY_MAXIMUM
 
 TWO_PI: Final = 2.0 * math.pi
 # Largest number of cells along an edge.
 EDGE_MAXIMUM: Final = 1_000_000
 
-StartArray = npt.NDArray[np.void]
 # The fields of a START, or a RESULT, that change along a trajectory.
 STATE: Final = ('phase', 'displacement', 'velocity')
 
@@ -37,7 +35,6 @@ class Plane:
     velocities: int = 400
 
     def __post_init__(self) -> None:
-        """Validate and convert every field."""
         object.__setattr__(self, 'displacement', require_finite(
             'displacement', self.displacement, -1.0, 0.0))
         for name, most in (('phase', 1e3), ('velocity', VELOCITY_MAXIMUM)):
@@ -52,8 +49,7 @@ class Plane:
                              '2 pi')
         for name in ('phases', 'velocities'):
             if not 1 <= getattr(self, name) <= EDGE_MAXIMUM:
-                raise ValueError(f'size {getattr(self, name)} is not between 1 and '
-                                 f'{EDGE_MAXIMUM}')
+                raise ValueError(f'size {getattr(self, name)} is not between 1 and {EDGE_MAXIMUM}')
 
     def phase_values(self, first: int = 0, last: int | None = None) -> FloatArray:
         """Return the centres of some cells in phase [rad], of all by default."""
@@ -63,14 +59,14 @@ class Plane:
         """Return the centres of some cells in velocity [1], of all by default."""
         return _centres(self.velocity, self.velocities, first, last)
 
-    def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
+    def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> RecordArray:
         """Return the initial conditions of some cells as START, row by row, velocity first."""
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
         return make_initial_conditions(parameters, np.tile(p, len(v)), self.displacement,
                                        np.repeat(v, len(p)))
 
-    def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
+    def draw(self, parameters: Parameters, count: int, seed: int) -> RecordArray:
         """Draw START uniformly from the window; the first do not depend on the `count`."""
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
@@ -85,20 +81,7 @@ class Plane:
         return dataclasses.replace(self, phase=windows[0], velocity=windows[1])
 
 
-def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
-                            displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> StartArray:
-    """Put initial conditions (phases of any size) and parameters together, as START."""
-    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
-    turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
-    initial['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
-    initial['displacement'] = displacement
-    initial['velocity'] = velocities
-    for name, value in dataclasses.asdict(parameters).items():
-        initial[name] = value
-    return initial
-
-
-def at_parameters(parameters: Parameters, states: StartArray) -> StartArray:
+def at_parameters(parameters: Parameters, states: RecordArray) -> RecordArray:
     """Return the initial conditions of states, at parameters of their own or at others."""
     return make_initial_conditions(parameters, *(states[name] for name in STATE))
 

@@ -71,11 +71,8 @@ class Level:
 
     def follow(self, limit: float, table: Table, *, until: float = math.inf, check: Check = go_on,
                threads: int | None = None) -> tuple[npt.NDArray[np.int64], RecordArray]:
-        """
-        Follow what is due for `limit` impacts; what is not reached in time remains due.
-
-        Returns the numbers of what was followed, and what became of it.
-        """
+        """Follow what is due for `limit` impacts; what is not reached in time remains due."""
+        # Returns the numbers of what was followed, and what became of it.
         begin, due = time.monotonic(), self.due
         initial, results = self.states[due], np.zeros(len(due), RESULT)
         results['label'] = UNSETTLED

@@ -8,21 +8,17 @@ import numpy.typing as npt
 from .matching import follow, Trace
 from ..core.arrays import FloatArray
 
-# Columns over which an attractor may be missed: few initial conditions may reach it, and windows
-# interrupt chaos.
+# Columns over which an attractor may be missed: few may reach it, and windows interrupt chaos.
 GAP: Final = 5
 GAP_OF_CHAOS: Final = 40
 
 
 def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[np.bool_],
           is_attractor: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """
-    Give the attractors of an orbit diagram numbers from 0 on, and -1 where there is none.
-
-    The arrays are (sweep, alpha, slot ...). At one alpha the same key is the same attractor;
-    `points` are wall, phase [rad] and velocity [1] of impacts, nan for fewer. The attractor that
-    is seen over most columns comes first.
-    """
+    """Give the attractors of an orbit diagram numbers from 0 on, and -1 where there is none."""
+    # The arrays are (sweep, alpha, slot ...). At one alpha the same key is the same attractor;
+    # `points` are wall, phase [rad] and velocity [1] of impacts, nan for fewer. The attractor that
+    # is seen over most columns comes first.
     numbers = np.full(keys.shape, -1, np.int64)
     count = 0
     # What rests has no impacts: its name is its own at every alpha.

@@ -2,8 +2,8 @@
 Basins for somebody who watches: what is known at each level, and how much time it has.
 
 On a chaotic attractor nothing settles before it has stayed there for too many impacts to be a
-transient. Where that is the least number of a search, the levels before the last one
-try fewer, of which no initial condition is seen to leave that has settled elsewhere in the first.
+transient. Where that is the least number of a search, the levels before the last one try fewer,
+after which nothing that has settled elsewhere in the first is seen to leave.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from .catalogue import Catalogue, follow_here, moved
 from .finding import Check, find_attractors, orbits_among, STAYS
-from .plane import make_initial_conditions, Plane
+from .plane import Plane
 from .refining import FIRST_CAP, Level, refine, SEED
 from ..core.arrays import FloatArray
 from ..core.defaults import TOLERANCE
+from ..core.flight.lanes import make_initial_conditions
 from ..core.many.chaotic_sets import BRIEF, GLANCE
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import RecordArray, RESULT, UNSETTLED
@@ -138,8 +139,7 @@ def _without_slow_chaos(catalogue: Catalogue) -> Catalogue:
     return dataclasses.replace(catalogue, chaotic=(), stay=0, labels=labels)
 
 
-def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int, check: Check
-              ) -> Catalogue:
+def _hastened(catalogue: Catalogue, settled: RecordArray, threads: int, check: Check) -> Catalogue:
     """Let states settle on chaotic attractors as soon as none of those settled elsewhere would."""
     # What leaves after more impacts leaves after fewer, too.
     if catalogue.chaotic and catalogue.stay == STAYS[0]:
