@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 
 from .core import model
 from .core.flight import simulation
+from .core.words import shown
 
 Value: TypeAlias = bool | int | float | str
 
@@ -58,12 +59,6 @@ class Specification:
                 not self.low <= value <= self.high):
             raise ValueError(f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')
         return value
-
-
-def shown(value: object) -> str:
-    """Return a value for use in a line: its beginning where it is long."""
-    text = repr(value)
-    return text if len(text) <= 80 else f'{text[:77]}...'
 
 
 _TYPE_NAMES: Final[dict[type, str]] = {

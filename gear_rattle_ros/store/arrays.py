@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .layout import Variable
+from ..core.words import shown
 
 ELSE: Final = 'choose another --output'
 REMEDY: Final = 'go on with --resume, which makes it anew'
@@ -73,10 +74,4 @@ def reading(path: Path, remedy: str) -> Iterator[None]:
         raise
     except (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
             ValueError) as error:
-        raise StoreError(f'{path} cannot be read: {shortened(error)}; {remedy}') from error
-
-
-def shortened(value: object) -> str:
-    """Show a value on part of a line."""
-    text = ' '.join((str if isinstance(value, Exception) else repr)(value).split())
-    return text if len(text) <= 80 else f'{text[:77]}...'
+        raise StoreError(f'{path} cannot be read: {shown(error)}; {remedy}') from error

@@ -13,32 +13,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from .arrays import (
-    consolidate,
-    ELSE,
-    new_array,
-    plain,
-    reading,
-    shortened,
-    StoreError,
-    write_array,
-)
+from .arrays import consolidate, ELSE, new_array, plain, reading, StoreError, write_array
 from .layout import Layout, Variable
 from .store import DONE, IDENTITY, Store
-from ..core.words import counted
+from ..core.words import counted, shown
 
 PACKAGE: Final = 'gear_rattle_ros'
 
 
 def make_store(path: Path | str | None, layout: Layout, command: str, *, resume: bool = False
                ) -> Store:
-    """
-    Make a store, or open the one that is to be continued (with `resume`).
-
-    Without `path` the store is temporary: it is removed with the object. `command`, the command
-    line, is kept as an attribute. StoreError where there is something else, such as the store of
-    other parameters, or where it cannot be written.
-    """
+    """Make a store, or open the one that is to be continued (with `resume`)."""
+    # Without `path` the store is temporary: it is removed with the object. `command`, the command
+    # line, is kept as an attribute. StoreError where there is something else, such as the store of
+    # other parameters, or where it cannot be written.
     folder = None
     if path is None:
         folder = Path(tempfile.mkdtemp(prefix=f'{PACKAGE}-'))
@@ -130,8 +118,8 @@ def _require_identity(path: Path, attributes: Mapping[str, Any], layout: Layout)
     ours = json.loads(json.dumps(layout.identity))
     for name in sorted({*theirs, *ours}):
         if theirs.get(name) != ours.get(name):
-            raise StoreError(f'{path} was made with {name} = {shortened(theirs.get(name))}, not '
-                             f'{shortened(ours.get(name))}; {ELSE}')
+            raise StoreError(f'{path} was made with {name} = {shown(theirs.get(name))}, not '
+                             f'{shown(ours.get(name))}; {ELSE}')
 
 
 def _require_version(path: Path, store: Store) -> None:

@@ -11,7 +11,8 @@ import itertools
 import json
 from pathlib import Path
 import shutil
-from typing import Any, Final, NamedTuple, TYPE_CHECKING
+import types
+from typing import Any, Final, TYPE_CHECKING
 import weakref
 
 import numpy as np
@@ -35,12 +36,6 @@ if TYPE_CHECKING:
 
 DONE: Final = 'tile_done'
 IDENTITY: Final = 'identity'
-
-
-class Loaded(NamedTuple):
-    """An array in memory."""
-
-    values: npt.NDArray[Any]
 
 
 class Store:
@@ -88,9 +83,9 @@ class Store:
         """Return the attributes of the store."""
         return dict(self._group.attrs)
 
-    def __getitem__(self, name: str) -> Loaded:
+    def __getitem__(self, name: str) -> Any:
         """Return what has the `values` of an array, as a dataset does."""
-        return Loaded(self.read_all(name))
+        return types.SimpleNamespace(values=self.read_all(name))
 
     def pending(self) -> list[int]:
         """List the numbers of the tiles that are still to be done."""
@@ -177,8 +172,7 @@ class Store:
             dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
             # What was asked for comes first, then the tables, whatever order the disk has.
             names = [str(name) for name in dataset.data_vars if name != DONE]
-            dataset = dataset[sorted(names, key=lambda name: (
-                name not in self._variables, name))]
+            dataset = dataset[sorted(names, key=lambda name: (name not in self._variables, name))]
             return dataset.load() if self._remove else dataset
 
     def require_whole(self) -> None:
@@ -236,7 +230,6 @@ def open_dataset(path: Path | str) -> 'xarray.Dataset':
 
 
 def _tiles_of(cuts: Mapping[str, tuple[int, int]]) -> Iterator[dict[str, slice]]:
-    """Yield every tile's slice of each tiled dimension."""
     for pieces in itertools.product(
             *([slice(a, min(a + step, size)) for a in range(0, size, step)]
               for size, step in cuts.values())):

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from rclpy.utilities import remove_ros_args
 
-from ...parameters import shown, TABLES
+from ...core.words import shown
+from ...parameters import TABLES
 from ...plain_yaml import read_yaml
 
 # rcl needs time with the square of the size of a file: minutes for a megabyte [byte].

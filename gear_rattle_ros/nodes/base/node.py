@@ -13,8 +13,9 @@ from rclpy.timer import Timer
 
 from .errors import UserError
 from .services import harden
+from ...core.words import shown
 from ...messages import diagnostic_array
-from ...parameters import declare, shown, TABLES
+from ...parameters import declare, TABLES
 
 
 class BaseNode(Node):
