@@ -11,11 +11,7 @@ from ..core.words import counted
 
 
 class Compilation(event.Listener):
-    """
-    Report the first compilation; kernels from the cache are not reported.
-
-    On a terminal the kernels are counted as they are compiled.
-    """
+    """Report the first compilation, on a terminal kernel by kernel; none from the cache."""
 
     def __init__(self, name: str, stream: TextIO) -> None:
         self._name = name
@@ -26,7 +22,6 @@ class Compilation(event.Listener):
         self._seconds = 0.0
 
     def on_start(self, event: Any) -> None:
-        """Count a kernel whose compilation begins."""
         if not self._kernels:
             self._stream.write(f'{self._name}: compiling, once on this machine; this takes about '
                                'a minute ...\n')
@@ -50,7 +45,6 @@ class Compilation(event.Listener):
                 self._stream.flush()
 
     def end(self) -> None:
-        """Report how long it took."""
         if self._kernels:
             self._stream.write(f'{self._name}: compiled {counted(self._kernels, "kernel")} in '
                                f'{self._seconds:.0f} s; they are kept on disk\n')

@@ -8,7 +8,6 @@ from .run import add_picture, looks_of, require_picture
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; 2 after one line that names what is wrong."""
     parser = Parser('draw', description='Draw a dataset again, without computing it again.')
     parser.add_argument('store', type=Path, metavar='STORE.zarr', help='what a tool has written')
     add_picture(parser)

@@ -80,13 +80,11 @@ def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 
 
 
 def add_seed(parser: Parser) -> None:
-    """Add the option of the seed of random initial conditions."""
     add(parser, 'seed', whole(0), defaults.SEED, 'seed of the random initial conditions')
 
 
 def add_search(parser: Parser, *, initial_conditions: int = defaults.INITIAL_CONDITIONS,
                hold: int = defaults.HOLD) -> None:
-    """Add the options of the search for attractors."""
     add_seed(parser)
     add(parser, 'initial-conditions', whole(1), initial_conditions,
         'random initial conditions of the search for attractors', '--starts')
@@ -97,7 +95,6 @@ def add_search(parser: Parser, *, initial_conditions: int = defaults.INITIAL_CON
 
 
 def add_grid(parser: Parser, cap: int) -> None:
-    """Add the options of a grid of labels and lifetimes."""
     add_plane(parser, size=400)
     add(parser, 'cap', whole(1), cap, 'impacts after which a cell is given up')
     parser.add_argument('--tile', type=whole(1), metavar='N',
@@ -117,7 +114,6 @@ def model_of(given: argparse.Namespace) -> 'Parameters':
 
 
 def plane_of(given: argparse.Namespace) -> 'Plane':
-    """Read the plane of initial conditions."""
     from ..attractors.plane import Plane
     size = getattr(given, 'size', [1])
     if len(size) > 2:

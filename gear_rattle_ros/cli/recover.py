@@ -6,7 +6,6 @@ from .refusal import attempt, Parser
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Recover a bag."""
     parser = Parser(prog='recover', description=(
         'Copy everything that can still be read of a cut or damaged bag into a new one with an '
         'index, and report what is missing. The bag itself is never touched.'))

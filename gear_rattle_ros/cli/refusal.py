@@ -13,12 +13,10 @@ class Parser(argparse.ArgumentParser):
     """Options of a tool; refuses with one line, and takes ``-1e-3`` and ``-pi`` for numbers."""
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
-        """Make it as argparse does."""
         super().__init__(*arguments, **settings)
         self._negative_number_matcher = re.compile(r'^-[\d.p]')
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the command line."""
         self.exit(2, f'{self.prog}: {message}\n')
 
 

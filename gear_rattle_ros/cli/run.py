@@ -28,24 +28,19 @@ PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """
-    A command that runs the study of its name; called with its arguments it returns the status.
-
-    `output` is the default name of the store, with options in braces, such as ``{alpha:g}``. An
-    option whose name is that of a keyword of the study is passed to it; `keywords` replace some.
-    It is run for each of the `planes`; `looks` are added to those of the picture.
-    """
+    """A command that runs the study of its name; called, it returns the exit status."""
 
     name: str
     description: str
-    output: str
+    output: str  # default name of the store, with options in braces, such as ``{alpha:g}``
+    # An option whose name is that of a keyword of the study is passed to it; `keywords` replace
+    # some. It is run for each of the `planes`; `looks` are added to those of the picture.
     add_options: Callable[[Parser], None]
     keywords: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
     looks: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
     planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:
-        """Return 0, 2 after one line that names what is wrong, or 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else list(arguments)
         parser = Parser(self.name, description=self.description)
         self.add_options(parser)
@@ -106,7 +101,6 @@ def _add_run(parser: Parser) -> None:
 
 
 def add_picture(parser: Parser) -> None:
-    """Add the options of a picture."""
     group = parser.add_argument_group('picture')
     group.add_argument('--picture', type=Path, metavar='FILE',
                        help=f'draw the result; the name ends in {", ".join(PICTURES)}')

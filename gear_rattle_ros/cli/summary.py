@@ -7,7 +7,6 @@ from .run import add_picture, looks_of, require_picture
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw the picture of a bag."""
     parser = Parser('summary', description='Make one picture of a bag.')
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
     add_picture(parser)
