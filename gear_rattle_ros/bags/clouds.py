@@ -30,14 +30,10 @@ class Cloud:
 
 
 class CloudDecoder:
-    """
-    Reads serialized PointCloud2 in plain CDR, of either order of bytes.
-
-    A cloud with the same fields as the one before is read faster. Other bytes raise ValueError.
-    """
+    """Reads serialized PointCloud2 in plain CDR, of either order of bytes, else ValueError."""
 
     def __init__(self) -> None:
-        # The bytes of the fields, with the order of bytes in front.
+        # The bytes of the fields, with the order of bytes in front: the same again are not parsed.
         self._block = b''
         self._fields: list[Field] = []
 

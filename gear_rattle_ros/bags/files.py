@@ -118,8 +118,7 @@ def read_through(stream: IO[bytes], topics: Collection[str] | None, start: int,
         yield heapq.heappop(waiting)[2]
 
 
-def _described(
-        stream: IO[bytes]) -> Iterator[tuple[Schema, Channel, mcap.records.Message | None]]:
+def _described(stream: IO[bytes]) -> Iterator[tuple[Schema, Channel, mcap.records.Message | None]]:
     """Yield every message with its topic, and every topic when it is announced."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}

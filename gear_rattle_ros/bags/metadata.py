@@ -50,7 +50,6 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
 
 
 def dump(content: object) -> str:
-    """Write YAML in block style."""
     # The way through JSON leaves nothing shared, which YAML would write as an alias.
     return str(yaml.safe_dump(json.loads(json.dumps(content)), sort_keys=False))
 

@@ -21,24 +21,13 @@ class Bag:
     A recorded bag: a directory, or a single .mcap file.
 
     A bag that is missing or damaged raises BagError, here or where the damaged place is read.
-
-    Attributes
-    ----------
-    topics : dict of str to Topic
-        By name.
-    counts : dict of str to int
-        Messages on each topic.
-    start, end : int
-        Log time of the first and the last message [ns]; 0 if there is none.
-    is_whole : bool
-        Whether all files were closed properly; if not, their complete chunks are read.
-
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.topics: dict[str, Topic] = {}
-        self.counts: dict[str, int] = {}
+        self.topics: dict[str, Topic] = {}  #: By name.
+        self.counts: dict[str, int] = {}  #: Messages on each topic.
+        #: Whether all files were closed properly; if not, their complete chunks are read.
         self.is_whole = True
         self._files: list[tuple[Path, Contents]] = []
         for file in find_files(self.path):
@@ -53,7 +42,9 @@ class Bag:
                                    f'{known.type_name} and {topic.type_name}')
                 self.counts[name] = self.counts.get(name, 0) + contents.counts[name]
         filled = [contents for _, contents in self._files if contents.total]
+        #: Log time of the first message [ns]; 0 if there is none.
         self.start = min((contents.start for contents in filled), default=0)
+        #: Log time of the last message [ns]; 0 if there is none.
         self.end = max((contents.end for contents in filled), default=0)
 
     def messages(self, topics: Collection[str] | None = None, start: int = 0,

@@ -47,14 +47,10 @@ class Stretch:
 
 
 class Recomputed:
-    """
-    Recorded reports, which wait for their batches.
-
-    `found` were found again, bit for bit, `beyond` rest on what is not in the bag, and `fault`
-    describes the first that is wrong.
-    """
+    """Recorded reports, which wait for their batches."""
 
     def __init__(self) -> None:
+        # Found again, bit for bit; resting on what is not in the bag; the first that is wrong.
         self.found = self.beyond = 0
         self.fault = ''
         self._pending: defaultdict[Any, list[Any]] = defaultdict(list)
@@ -67,13 +63,10 @@ class Recomputed:
 
 
 class Exponents(Recomputed):
-    """
-    Recompute every estimate of the Lyapunov node.
+    """Recompute every estimate of the Lyapunov node."""
 
-    Its average begins at a retune or reset, where the node joined, or behind a hole; the last two
-    are at the first record of a batch, which the estimate itself names by index and epoch.
-    """
-
+    # Its average begins at a retune or reset, where the node joined, or behind a hole; the last
+    # two are at the first record of a batch, which the estimate itself names by index and epoch.
     def __init__(self, reports: Sequence[Named]) -> None:
         super().__init__()
         self._window = WINDOW
@@ -155,13 +148,10 @@ class Exponents(Recomputed):
 
 
 class Transients(Recomputed):
-    """
-    Recompute every report of the transient node.
+    """Recompute every report of the transient node."""
 
-    The topic is latched, one deep: of reports in quick succession only the last may have been
-    published, so the recorded ones are looked for among the computed ones.
-    """
-
+    # The topic is latched, one deep: of reports in quick succession only the last may have been
+    # published, so the recorded ones are looked for among the computed ones.
     def __init__(self, reports: Sequence[Named]) -> None:
         super().__init__()
         self._tolerance = TOLERANCE
@@ -193,8 +183,7 @@ class Transients(Recomputed):
         changes = [change for detector in self._detectors for change in detector.update(events)]
         if first['kind'] != EventKind.RESET and str(first['index']) in self._joins:
             # A node may have joined here.
-            self._detectors = [
-                *self._detectors, TransientDetector(self._tolerance)][-_CANDIDATES:]
+            self._detectors = [*self._detectors, TransientDetector(self._tolerance)][-_CANDIDATES:]
             changes += self._detectors[-1].update(events)
         if pending := self._pending.get(stamp):
             found = [texts(transient_values(change)) for change in changes]

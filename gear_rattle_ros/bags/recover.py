@@ -47,7 +47,6 @@ class Recovery:
     accounts: dict[str, Accounts]
 
     def __str__(self) -> str:
-        """Report what is there, what is missing, and where, line by line."""
         lines = [f'{counted(self.messages, "message")} recovered']
         lines += [f'{path}: {counted(damage.end - damage.start, "byte")} from {damage.start} on '
                   'unreadable' for path, damage in self.damages]
@@ -60,8 +59,7 @@ class Recovery:
                 continue
             first, last = (f'impact {index}, epoch {epoch}'
                            for index, epoch in (accounts.first, accounts.last))
-            lines.append(
-                f'{name}: {counted(accounts.events, "event")}, from {first}, to {last}')
+            lines.append(f'{name}: {counted(accounts.events, "event")}, from {first}, to {last}')
             lines += [f'{name}: missing: {hole.describe()}' for hole in accounts.guard.holes]
             if accounts.guard.restarts:
                 lines.append(f'{name}: the numbers begin anew '

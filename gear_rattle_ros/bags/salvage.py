@@ -39,19 +39,14 @@ class Damage:
 
 
 class Salvage:
-    """
-    What is left of an .mcap file, which is only read; BagError if it cannot be read at all.
+    """What is left of an .mcap file, which is only read; BagError if it cannot be read at all."""
 
-    Its chunks are found by their own heads and proved by their checksums, so neither the index
-    nor the records in between are needed. `damages` are where nothing could be read, in order;
-    `is_closed` is whether the file has its end; `nameless` counts the messages whose topic is
-    described nowhere in the file, once `messages` has been read.
-    """
-
+    # Its chunks are found by their own heads and proved by their checksums, so neither the index
+    # nor the records in between are needed.
     def __init__(self, path: Path) -> None:
-        self.damages: list[Damage] = []
-        self.is_closed = False
-        self.nameless = 0
+        self.damages: list[Damage] = []  # where nothing could be read, in order
+        self.is_closed = False  # whether the file has its end
+        self.nameless = 0  # messages read whose topic is described nowhere in the file
         # Messages outside of chunks have no checksum: they count in a file without chunks only.
         self._chunks: list[int] = []
         self._loose: list[int] = []

@@ -57,11 +57,8 @@ class Contents:
 
 
 def message_definition(type_name: str, share: Callable[[str], str]) -> str:
-    """
-    Return the definition of a message type and of all its parts, as MCAP's ros2msg divides them.
-
-    `share` returns the share directory of a package.
-    """
+    """Return the definition of a message type and of its parts, as MCAP's ros2msg has them."""
+    # `share` returns the share directory of a package.
     texts: dict[str, str] = {}
     waiting = [_short(type_name)]
     while waiting:

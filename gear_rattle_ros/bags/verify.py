@@ -60,7 +60,6 @@ class Verdict:
         return bool(self.events) and not (self.fault or self.holes or self.anew)
 
     def __str__(self) -> str:
-        """Report the verdict in one line, and every hole in a line more."""
         seen = (f'{counted(self.events, "event")} ({counted(self.impacts, "impact")}, '
                 f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
                 f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')

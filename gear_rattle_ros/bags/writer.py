@@ -25,17 +25,12 @@ class BagWriter:
         Begin a new file when one has this size [byte], or when a message was received so long
         [ns] after the first in it; 0 for never. The index of a file is kept in memory until then.
 
-    Attributes
-    ----------
-    messages : int
-        Messages written, those in the open chunk included.
-
     """
 
     def __init__(self, directory: str | Path, compression: str = 'zstd', *, largest: int = 0,
                  longest: int = 0) -> None:
         self.directory = directory = Path(directory)
-        self.messages = 0
+        self.messages = 0  #: Messages written, those in the open chunk included.
         self._compression = compression
         self._largest = largest
         self._longest = longest
