@@ -39,7 +39,6 @@ _READ: Final = _ROUND + """
 
 
 def ticker(range_: Range1d, is_phase: bool) -> CustomJSTicker:
-    """Return the ticks of an axis."""
     return CustomJSTicker(
         args={'range': range_}, major_code=(_STEP if is_phase else _ROUND) + _TICKS)
 

@@ -58,11 +58,8 @@ class Catalogues:
         return known
 
     def complete(self, view: View, check: Callable[[], None]) -> Known:
-        """
-        Return the result of a thorough search; `check` is called often and raises to abandon it.
-
-        It finds chaotic attractors, too, unless the view is of lifetimes: there chaos must end.
-        """
+        """Return the result of a thorough search; `check` is called often, to abandon it."""
+        # It finds chaotic attractors, too, unless the view is of lifetimes: there chaos must end.
         key = _key(view)
         known = self._get(key)
         while known is None or not known.is_complete:

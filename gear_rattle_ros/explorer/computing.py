@@ -82,8 +82,7 @@ def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> I
                 rows = np.arange(cells) * len(exponents) // cells
                 exponents, grown = exponents[np.ix_(rows, rows)], 0
             last = cells if is_done else level.due[0] // cells
-            starts = view.plane(cells).cells(
-                view.parameters, slice(grown, last), slice(0, cells))
+            starts = view.plane(cells).cells(view.parameters, slice(grown, last), slice(0, cells))
             exponents[grown:last] = finite_time_exponents(
                 starts, SPAN, check=check).reshape(-1, cells)
             grown = last

@@ -98,8 +98,7 @@ class Page:
                       button_type='success')
         send.on_click(self._send)
         title = Div(text=f'<b style="font-size:15px">{TITLE}</b>', width=226)
-        left = column(row(title, self._kind, home), self._plane.figure, self._legend,
-                      self._status)
+        left = column(row(title, self._kind, home), self._plane.figure, self._legend, self._status)
         right = column(
             row(self._sliders['alpha'], self._alpha),
             row(*(self._sliders[name] for name, *_ in SLIDERS[1:])),

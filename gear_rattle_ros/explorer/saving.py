@@ -45,8 +45,7 @@ class Saving:
             except OSError as error:
                 self._tell(f'cannot save in {place}: {error.strerror}', False)
                 return
-            threading.Thread(target=self._finish, args=(self._process, place),
-                             daemon=True).start()
+            threading.Thread(target=self._finish, args=(self._process, place), daemon=True).start()
         self._tell(f'saving into {place} ...', True)
 
     def stop(self) -> None:

@@ -20,19 +20,14 @@ STEP: Final = 0.04
 
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
-    """
-    The trajectory from an initial condition.
-
-    The motion is `displacement` [1] over `periods` of the drive, counted from phase 0 of the first
-    one; impacts have phases [rad] and velocities just before [1], and `sticks` of them stick.
-    """
+    """The trajectory from an initial condition."""
 
     state: State
-    periods: FloatArray
-    displacement: FloatArray
-    phases: FloatArray
-    velocities: FloatArray
-    sticks: int
+    periods: FloatArray  # of the drive, counted from phase 0 of the first one
+    displacement: FloatArray  # over these [1]
+    phases: FloatArray  # of the impacts [rad]
+    velocities: FloatArray  # just before them [1]
+    sticks: int  # impacts that stick
     rests: bool
 
 

@@ -88,7 +88,6 @@ def following(cells: int, seconds: float, view: View) -> int:
     while wanted < FINE and per_cell * (2 * wanted)**2 < AT_ONCE:
         wanted *= 2
     wanted = min(wanted, FINE) if cells < FINE else wanted
-    if wanted > min(FINEST, view.finest()) or (
-            wanted > FINE and per_cell * wanted**2 > PATIENCE):
+    if wanted > min(FINEST, view.finest()) or (wanted > FINE and per_cell * wanted**2 > PATIENCE):
         return 0
     return wanted
