@@ -29,7 +29,7 @@ from ..attractors.plane import Plane
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNSETTLED
-from ..core.model import Parameters
+from ..core.model import Model, Parameters
 from ..core.words import counted
 from ..palette import colours_of, painted
 from ..qos import LATCHED, NEWEST
@@ -197,8 +197,7 @@ class Basin(ReportingNode):
         if not len(events):
             return
         last = events[-1]
-        parameters = Parameters(*(float(last[field.name]) for field in dataclasses.fields(
-            Parameters)))
+        parameters = Parameters(*(float(last[name]) for name in Model._fields))
         before, now = self._wanted, time.monotonic()
         if before is None or parameters != before.parameters:
             self._wanted = Wanted(parameters, int(last['epoch']), cloud.header.stamp, now,

@@ -22,7 +22,7 @@ from .base.process import run_node
 from .. import messages
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
-from ..core.model import EventArray, Parameters, State
+from ..core.model import EventArray, Model, Parameters, State
 from ..core.words import counted
 from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
@@ -34,7 +34,6 @@ LARGEST_BATCH = 640
 BATCHES_AT_ONCE = 8
 # With rate = 0, most drive periods in a batch, which may hold no impact at all.
 LONGEST_BATCH = 4096
-MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
 INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
 # A ramp updates the parameter alpha at these intervals [s].
 RAMP_SHOWN_EVERY = 0.25
@@ -225,7 +224,7 @@ class Simulator(ReportingNode):
             return
         before = self._simulation.parameters
         after = dataclasses.replace(
-            before, **{name: float(values[name]) for name in MODEL if name in values})
+            before, **{name: float(values[name]) for name in Model._fields if name in values})
         if after != before:
             self._outbox.append(self._simulation.retune(after))
             self.get_logger().info(_words(after))
@@ -262,7 +261,7 @@ class Simulator(ReportingNode):
 
 
 def _model(values: Mapping[str, Value]) -> Parameters:
-    return Parameters(**{name: float(values[name]) for name in MODEL})
+    return Parameters(**{name: float(values[name]) for name in Model._fields})
 
 
 def _words(parameters: Parameters) -> str:

@@ -13,13 +13,10 @@ PATIENCE = Duration(nanoseconds=20_000_000)
 
 
 class AcknowledgedPace:
-    """
-    Publish no faster than the slowest matched reliable reader takes the messages.
+    """Publish no faster than the slowest matched reliable reader takes the messages."""
 
-    A reader that keeps everything acknowledges a batch only when it has room for it, so nothing
-    is dropped. A reader that has died holds the stream up until DDS gives up on it (20 s).
-    """
-
+    # A reader that keeps everything acknowledges a batch only when it has room for it, so nothing
+    # is dropped. A reader that has died holds the stream up until DDS gives up on it (20 s).
     def __init__(self, publisher: Publisher, window: int = WINDOW) -> None:
         self.waiting_since: float | None = None
         self.publisher = publisher

@@ -64,7 +64,6 @@ class Recording:
 
     @property
     def size(self) -> int:
-        """Length of the file [byte]."""
         return self._writer.size
 
     @property

@@ -13,12 +13,9 @@ from typing import Any
 
 
 class Terminal:
-    """
-    Context in which stdin delivers keys without Enter and without echo.
+    """Context in which stdin delivers keys without Enter and without echo."""
 
-    The caller handles SIGINT and SIGTERM; Ctrl-Z stops the program with the terminal as it was.
-    """
-
+    # The caller handles SIGINT and SIGTERM; Ctrl-Z stops the program with the terminal as it was.
     def __init__(self) -> None:
         self.was_continued = False
         self._input = sys.stdin.fileno()

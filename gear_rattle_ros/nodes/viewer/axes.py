@@ -39,8 +39,7 @@ Logged = tuple[str, rr.AsComponents]
 def colours_of(values: FloatArray, scale: FloatArray = PLASMA) -> npt.NDArray[np.uint32]:
     """Return RGBA colours of values from 0 (dark) to 1 (bright); others are clipped."""
     place = np.linspace(0.0, 1.0, len(scale))
-    red, green, blue = (
-        np.interp(values, place, channel).astype(np.uint32) for channel in scale.T)
+    red, green, blue = (np.interp(values, place, channel).astype(np.uint32) for channel in scale.T)
     return np.asarray(red << 24 | green << 16 | blue << 8 | 0xFF, np.uint32)
 
 

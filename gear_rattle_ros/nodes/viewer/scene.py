@@ -20,8 +20,7 @@ from ...palette import BLUE, GREEN, ORANGE, PURPLE, rgba
 
 # Most impacts drawn each time, the newest in a row; older ones are thinned out.
 DRAWN_MOST: Final = 800
-# Points in the section; of older ones every OLD_STEP-th stays, at most OLD_POINTS of them; the
-# newest are bright.
+# Points in the section; of older ones every OLD_STEP-th stays, OLD_POINTS at most; new are bright.
 SECTION_POINTS: Final = 2000
 OLD_STEP: Final = 7
 OLD_POINTS: Final = 1000
@@ -167,8 +166,7 @@ class Scene:
         motion = rebuild(recent.whole(), FLIGHT_STEP, axes.FLIGHT_PERIODS)
         if not len(motion.tau) or recent.now is None:
             return
-        line = np.stack(
-            [motion.tau / axes.TWO_PI, motion.displacement], axis=1).astype(np.float32)
+        line = np.stack([motion.tau / axes.TWO_PI, motion.displacement], axis=1).astype(np.float32)
         self._send('flight/plane/motion', recent.now, rr.LineStrips2D.columns(strips=[[line]]))
 
     def _draw_alpha(self, changes: RowArray, now: Place) -> None:
