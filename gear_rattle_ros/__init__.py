@@ -33,39 +33,24 @@ if TYPE_CHECKING:
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.section import section as section
 
-__all__ = [
-    'Bag', 'Catalogue', 'EVENT', 'EventKind', 'Parameters', 'Plane', 'RunningLyapunov',
-    'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
-    'draw', 'exponents', 'find_attractors', 'lifetimes', 'open_dataset', 'orbit_diagram',
-    'read_bag', 'rebuild', 'save', 'section', '__version__',
-]
-# Where each name stands.
-PLACES = {
-    'Bag': 'bags.reader',
-    'Catalogue': 'attractors.catalogue',
-    'EVENT': 'core.model',
-    'EventKind': 'core.model',
-    'Parameters': 'core.model',
-    'Plane': 'attractors.plane',
-    'RunningLyapunov': 'core.stream.lyapunov',
-    'Simulation': 'core.flight.simulation',
-    'State': 'core.model',
-    'TransientDetector': 'core.stream.transients',
-    'Wall': 'core.model',
-    'basins': 'studies.basins',
-    'continuation': 'studies.continuation',
-    'crisis': 'studies.crisis',
-    'draw': 'figures.draw',
-    'exponents': 'studies.exponents',
-    'find_attractors': 'attractors.finding',
-    'lifetimes': 'studies.lifetimes',
-    'open_dataset': 'store.store',
-    'orbit_diagram': 'studies.orbit_diagram',
-    'read_bag': 'bags.reader',
-    'rebuild': 'core.stream.reconstruction',
-    'save': 'figures.draw',
-    'section': 'studies.section',
+MODULES = {
+    'attractors.catalogue': ['Catalogue'],
+    'attractors.finding': ['find_attractors'],
+    'attractors.plane': ['Plane'],
+    'bags.reader': ['Bag', 'read_bag'],
+    'core.flight.simulation': ['Simulation'],
+    'core.model': ['EVENT', 'EventKind', 'Parameters', 'State', 'Wall'],
+    'core.stream.lyapunov': ['RunningLyapunov'],
+    'core.stream.reconstruction': ['rebuild'],
+    'core.stream.transients': ['TransientDetector'],
+    'figures.draw': ['draw', 'save'],
+    'store.store': ['open_dataset'],
+    **{f'studies.{name}': [name] for name in (
+        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'orbit_diagram', 'section')},
 }
+# Where each name stands.
+PLACES = {name: module for module, names in MODULES.items() for name in names}
+__all__ = [*PLACES, '__version__']
 
 
 def __getattr__(name: str) -> Any:
@@ -82,5 +67,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """List what stands here."""
     return __all__
