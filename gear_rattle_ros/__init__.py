@@ -33,6 +33,12 @@ if TYPE_CHECKING:
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.section import section as section
 
+__all__ = [
+    'Bag', 'Catalogue', 'EVENT', 'EventKind', 'Parameters', 'Plane', 'RunningLyapunov',
+    'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
+    'draw', 'exponents', 'find_attractors', 'lifetimes', 'open_dataset', 'orbit_diagram',
+    'read_bag', 'rebuild', 'save', 'section', '__version__',
+]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
     'attractors.finding': ['find_attractors'],
@@ -50,7 +56,6 @@ MODULES = {
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}
-__all__ = [*PLACES, '__version__']
 
 
 def __getattr__(name: str) -> Any:
