@@ -7,8 +7,7 @@ the table by which the next stage recognises them. What has not settled after th
 sets of boxes of the section. Such a set is a chaotic attractor only if its largest exponent is
 positive by `SIGNIFICANT` errors and if in `CONFIRMED` times `hold` impacts, shared by as many
 trajectories as there are lanes, nothing leaves it: none settles elsewhere, none comes to recur.
-Whatever else is not on a known attractor within `hold` impacts is unsettled. Every initial
-condition is labelled.
+Whatever else is not on a known attractor within `hold` impacts is labelled as unsettled.
 """
 
 from collections.abc import Callable
@@ -63,8 +62,7 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
     parameters : Parameters
         The model.
     initial : ndarray of START, shape (n,), optional
-        By default `INITIAL_CONDITIONS` random ones of the default plane. The result does not
-        depend on where they are followed.
+        By default `INITIAL_CONDITIONS` random ones of the default plane.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].
     hold : int
@@ -77,7 +75,7 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
     effort : Effort
         How long chaotic sets are followed.
     threads, cluster : optional
-        As `run_tiles` takes them.
+        As `run_tiles` takes them; the result does not depend on them.
     check : callable
         Called every few tenths of a second at least; raises to give up.
 

@@ -33,11 +33,11 @@ class Command:
     name: str
     description: str
     output: str  # default name of the store, with options in braces, such as ``{alpha:g}``
-    # An option whose name is that of a keyword of the study is passed to it; `keywords` replace
-    # some. It is run for each of the `planes`; `looks` are added to those of the picture.
     add_options: Callable[[Parser], None]
+    # An option with the name of a keyword of the study is passed to it; these replace some.
     keywords: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
-    looks: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
+    looks: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}  # of the picture
+    # The study is run for each.
     planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:

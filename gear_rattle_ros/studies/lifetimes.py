@@ -64,7 +64,7 @@ class Escape:
     rate: float  # escapes per impact of independent trajectories in the tail
     rate_error: float
     mean: float  # lifetime [impacts], by the tail from `begin` on; inf where nothing escapes
-    # The scatter when as many are drawn at random from the window; even ones scatter no more.
+    # The scatter when as many are drawn at random from the window; a grid scatters no more.
     mean_error: float
 
     def describe(self) -> str:

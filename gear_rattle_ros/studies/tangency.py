@@ -144,8 +144,7 @@ def find_tangency(boundary: Boundary, low: float, high: float,
 
 def radius_of(boundary: Boundary) -> float:
     """Choose how near to the captor a trajectory counts as captured [rad, 1]."""
-    # It is a tenth of the way to the saddle at their nearest points, rounded, so that it is the
-    # same on every machine.
+    # A tenth of the way to the saddle at their nearest points, rounded: the same on every machine.
     captor, saddle = boundary.captor, boundary.saddle
     apart = distances(captor.velocities[:, None], captor.phases[:, None], saddle.velocities,
                       saddle.phases)

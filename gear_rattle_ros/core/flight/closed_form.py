@@ -99,8 +99,7 @@ def departure(sin_p: float, cos_p: float, model: Model) -> float:
 @kernel
 def is_pressed(displacement: float, phase: float, model: Model) -> bool:
     """Whether a gear at rest on a wall is pressed against it."""
-    # The sign of a(tau, 0) decides, that of its derivative where it is zero; without any force the
-    # gear is pressed.
+    # The sign of a(tau, 0) decides, or of its derivative; without any force the gear is pressed.
     sin_p, cos_p = sine_cosine(phase)
     towards = 1.0 + 2.0 * displacement
     force = towards * acceleration(sin_p, cos_p, 0.0, model)

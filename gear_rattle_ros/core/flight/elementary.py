@@ -2,8 +2,7 @@
 Sine, cosine, inverse tangent, logarithm and exponential relaxation, from arithmetic alone.
 
 Only operations that IEEE 754 rounds exactly are used, so the results do not depend on the
-machine's mathematical library, and the code vectorises. Each function is good to about one unit in
-the last place.
+machine's mathematical library, and the code vectorises. Each function is good to about one ulp.
 """
 
 import math

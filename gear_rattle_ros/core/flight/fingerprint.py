@@ -7,8 +7,7 @@ from typing import Final
 from .simulation import Simulation
 from ..model import Parameters, State
 
-# Chaos, a crisis, no damping, chatter and sticking, a plastic wall, flights without impacts, and
-# noise.
+# Chaos, crisis, no damping, chatter and sticking, a plastic wall, flights without impacts, noise.
 _CASES: Final = (
     Parameters(0.57, 0.1, 0.1, 0.9), Parameters(1.244, 0.1, 0.1, 0.9),
     Parameters(3.0, 0.0, 0.0, 1.0), Parameters(0.9, 0.3, -0.2, 0.4),

@@ -41,8 +41,7 @@ def square_root(_context: Any, x: Any) -> Any:
 def prefer_wide_vectors(_context: Any) -> Any:
     """Let LLVM use 512-bit vectors in the calling function, where the processor has them."""
     # LLVM prefers 256 bits on many Intel processors; this sets the function attribute of clang's
-    # `-mprefer-vector-width=512`. llvmlite has no attributes with values, so its text is added to
-    # the set.
+    # `-mprefer-vector-width=512`. llvmlite has no attributes with values: its text is added.
     def code(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()

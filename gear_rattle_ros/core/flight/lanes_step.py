@@ -34,8 +34,7 @@ TILE: Final = np.dtype([(name, np.int64 if name in WHOLE else np.float64, LANES)
     'alpha', 'beta', 'gamma', 'restitution',
     # Impacts still to be made; inf for no limit, 0 parks the lane.
     'left',
-    # The search: how far it has come, by how many evaluations, and the motion there since the
-    # flight began.
+    # The search: how far it has come, by how many evaluations, and the motion up to there.
     'duration', 'effort', 'moved', 'velocity_now', 'sine_now', 'cosine_now',
     # Seen from the wall ahead (`towards` is +1 for the upper): speed, acceleration, jerk,
     # distances to both walls, a time of about that to the wall, the certain step.
@@ -48,11 +47,9 @@ TILE: Final = np.dtype([(name, np.int64 if name in WHOLE else np.float64, LANES)
     # to the same place makes a masked store, which stalls the next load.)
     'next_step', 'next_towards', 'next_displacement', 'next_velocity', 'next_sine', 'next_cosine',
     'sine_half', 'cosine_half',
-    # In the latest step: velocity before the impact, whether there was one, and whether the
-    # lane needs the scalar path.
+    # In the latest step: velocity before the impact; whether it hit, and needs the scalar path.
     'impact_velocity', 'has_hit', 'is_special',
-    # Impacts of the latest `advance`; number of the start that the lane carries, EMPTY for
-    # none; why it has ended.
+    # Impacts of the latest `advance`; number of the start in the lane or EMPTY; why it has ended.
     'count', 'start', 'end',
 )], align=True)
 

@@ -222,8 +222,7 @@ class Simulation:
         cycle, phase : int, float
             The moment: whole drive periods and phase [rad]. Going back is refused.
         most : int
-            Largest number of events to return, positive; if it is reached, the trajectory stands
-            at the last of them.
+            Most events to return, positive; if there are more, it stands at the last of these.
 
         Returns
         -------

@@ -41,8 +41,7 @@ class Orbit:
     multipliers: npt.NDArray[np.complex128]  # of one period, the larger first; zeros if it sticks
     sticks: int = NO_WALL  # the wall to which it sticks for a while
     # At each point, a quadratic form of (phase, velocity) that is at most 1 in a neighbourhood
-    # which the orbit certainly attracts, inf where none is known, shape (q, 3); None where not
-    # sought.
+    # which the orbit certainly attracts, inf where none is known, shape (q, 3); None: not sought.
     forms: FloatArray | None = None
 
     @property

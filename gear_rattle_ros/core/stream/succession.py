@@ -15,8 +15,7 @@ from ..model import EVENT, EventArray, EventKind
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 FOLLOWS, DIFFERS, NUMBERING, BACKWARDS, OVERDUE, NOTHING = range(6)
-# Counts of impacts, of kicked ones and of epochs; whether the last record, and the last impact,
-# was kicked.
+# Counts of impacts, of kicked ones and of epochs; whether the last record, or impact, was kicked.
 IMPACTS, KICKED, EPOCHS, WAS_KICKED, IN_NOISE, COUNTS = range(6)
 # Noise has not just begun with a kick so small, relative to the velocity.
 SMALLEST_KICK: Final = 4 * 2.0**-52
