@@ -73,7 +73,7 @@ def tangencies(seed: int, count: int) -> Iterator[Flight]:
                          alpha, beta, gamma)
 
 
-def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
+def test_force_changes_its_sign_where_predicted_and_not_before() -> None:
     """At most two zeros of a(tau, 0) in a drive period: the next is returned, in 50 digits."""
     with mp.workdps(DIGITS):
         for phase, _, _, alpha, beta, gamma in random_starts(1, 100).tolist():
@@ -212,7 +212,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
             slow += effort > 64 + 4 * d
             assert effort <= proved_bound(d)
             size = abs(f.velocity) + (f.alpha * (1.0 + f.beta) + abs(f.gamma)) * d
-            # Rounding of the displacement since the start, and of the start.
+            # Rounding of the displacement since the beginning, and of the initial condition.
             rounding = 16 * EPS * (size * d + abs(f.displacement))
             for k in range(1, 100):
                 s = f.displacement_at(d * mp.mpf(k) / 100)
@@ -224,7 +224,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
 
 
 @pytest.mark.parametrize('cuts', [(1e-9, 1e-6, 1e-3, 0.1), (0.5, 0.9, 0.99, 1.0, 1.0 + 1e-9)])
-def test_a_slow_search_may_be_stopped_and_taken_up(cuts: tuple[float, ...]) -> None:
+def test_a_slow_search_may_be_stopped_and_resumed(cuts: tuple[float, ...]) -> None:
     """It is the same to the bit, effort and all, wherever it was stopped."""
     for f in tangencies(6, 300):
         flight = (f.phase, f.displacement, f.velocity, f.model)

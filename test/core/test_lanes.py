@@ -41,7 +41,7 @@ STEPS = 40
 
 def same_starts(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: float = 0.1,
                 restitution: float = 0.9) -> RecordArray:
-    """Return starts on the upper wall and between the walls, all with the same parameters."""
+    """Return initial conditions on the upper wall and between the walls, parameters the same."""
     random = np.random.default_rng(seed)
     starts = np.zeros(count, START)
     starts['phase'] = random.uniform(0.0, TWO_PI, count)
@@ -54,7 +54,7 @@ def same_starts(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: f
 
 
 def mixed_starts(count: int, seed: int) -> RecordArray:
-    """Return starts everywhere, with parameters of their own and all special values of them."""
+    """Return initial conditions everywhere, with parameters drawn and with special values."""
     random = np.random.default_rng(seed)
     starts = same_starts(count, seed, 1.0)
     on_lower = random.random(count) < 0.2
@@ -71,7 +71,7 @@ def mixed_starts(count: int, seed: int) -> RecordArray:
 
 def follow(starts: RecordArray, count: int, steps: int = STEPS,
            longest: int = 10**6) -> tuple[list[RecordArray], npt.NDArray[np.int64]]:
-    """Return the first `count` impacts of every start, and why it ended, through one tile."""
+    """Return the first `count` impacts from each, and why it ended, through one tile."""
     tile, impacts = new_tiles(1)[0], new_impacts(steps)
     pieces: list[list[RecordArray]] = [[] for _ in starts]
     ends = np.full(len(starts), -1)
@@ -91,7 +91,7 @@ def follow(starts: RecordArray, count: int, steps: int = STEPS,
 
 
 def test_first_impacts_in_50_digits() -> None:
-    """At the found time the mass is at the wall, at that velocity, and was at no wall before."""
+    """At the time found the gear is at the wall, at that velocity, and was at no wall before."""
     starts = mixed_starts(60, 2)
     impacts, _ = follow(starts, 1)
     checked = 0
@@ -141,7 +141,7 @@ def test_chatter_sticking_and_release_as_the_simulation(
 
 
 def test_what_never_meets_a_wall_again_ends() -> None:
-    """A drive smaller than the backlash, no load: the mass may never meet a wall."""
+    """A drive smaller than the backlash, no load: the gear may never meet a wall."""
     random = np.random.default_rng(4)
     starts = same_starts(4 * LANES, 4, 0.2, 0.1, 0.0)
     starts['displacement'] = -random.random(len(starts))
@@ -229,7 +229,7 @@ def test_statistics_of_chaos_equal_the_scalar_ones() -> None:
     assert np.all(np.abs(difference) < 4 * error)
 
 
-def test_every_start_once_and_whatever_the_cuts() -> None:
+def test_every_initial_condition_once_and_whatever_the_cuts() -> None:
     """Order, number of steps in a call and neighbours change no bit; nothing is lost."""
     starts = mixed_starts(5 * LANES + 3, 8)
     whole, ends = follow(starts, 12)

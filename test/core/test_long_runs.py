@@ -57,8 +57,8 @@ def test_p_is_uniform_where_nothing_is_wrong() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(('options', 'status'), [
     (['--only', 'scipy', 'power'], 0), (['--only', 'scipy', '--wrong', 'restitution'], 1)])
-def test_the_script_agrees_and_would_tell(options: list[str], status: int) -> None:
-    """Its status says both."""
+def test_the_script_agrees_and_detects_faults(options: list[str], status: int) -> None:
+    """Its status shows both."""
     done = subprocess.run(
         [sys.executable, str(ROOT / 'benchmark' / 'long_runs.py'), '--quick', *options], cwd=ROOT,
         capture_output=True, text=True)

@@ -30,7 +30,7 @@ Array = np.ndarray[Any, Any]
 
 
 def everywhere(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts of all kinds, with parameters of their own and their special values."""
+    """Return initial conditions of all kinds, with parameters drawn and with special values."""
     starts = np.zeros(count, START)
     starts['phase'] = random.uniform(0.0, TWO_PI, count)
     starts['displacement'] = random.choice([0.0, -1.0, -0.5], count)
@@ -47,7 +47,7 @@ def everywhere(random: np.random.Generator, count: int) -> RecordArray:
 
 
 def near_walls(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts a hair off a wall."""
+    """Return initial conditions a hair off a wall."""
     starts = everywhere(random, count)
     hair = 10.0**random.uniform(-17.0, -3.0, count)
     starts['displacement'] = np.where(random.random(count) < 0.5, -hair, hair - 1.0)
@@ -55,21 +55,21 @@ def near_walls(random: np.random.Generator, count: int) -> RecordArray:
 
 
 def from_rest(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts at rest, on walls and between them."""
+    """Return initial conditions at rest, on walls and between them."""
     starts = everywhere(random, count)
     starts['velocity'] = 0.0
     return starts
 
 
 def grazing(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts almost at rest: impacts on a wall just left, and turns beside it."""
+    """Return initial conditions almost at rest: impacts on a wall just left, turns beside it."""
     starts = near_walls(random, count)
     starts['velocity'] *= 1e-6
     return starts
 
 
 def long_flights(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts with hardly any force, or hardly any motion left."""
+    """Return initial conditions with hardly any force, or hardly any motion left."""
     starts = everywhere(random, count)
     starts['alpha'] = 10.0**random.uniform(-6.0, -1.0, count)
     starts['gamma'] = random.normal(0.0, 1e-3, count)
@@ -77,14 +77,14 @@ def long_flights(random: np.random.Generator, count: int) -> RecordArray:
 
 
 def damped(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts whose flights outlast the decay of the free motion."""
+    """Return initial conditions whose flights outlast the decay of the free motion."""
     starts = everywhere(random, count)
     starts['beta'] = 10.0**random.uniform(0.0, 2.0, count)
     return starts
 
 
 def slow_launches(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts that leave a wall very slowly where the force vanishes: they are soon back."""
+    """Return initial conditions that leave a wall slowly where the force vanishes: soon back."""
     starts = everywhere(random, count)
     on_upper = random.random(count) < 0.5
     starts['displacement'] = np.where(on_upper, 0.0, -1.0)
@@ -97,7 +97,7 @@ def slow_launches(random: np.random.Generator, count: int) -> RecordArray:
 
 
 def tangent(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts on a wall that nearly meet it again with no velocity and no force."""
+    """Return initial conditions on a wall that nearly meet it again without velocity or force."""
     starts = everywhere(random, count)
     on_upper = random.random(count) < 0.5
     starts['displacement'] = np.where(on_upper, 0.0, -1.0)
@@ -114,7 +114,7 @@ def tangent(random: np.random.Generator, count: int) -> RecordArray:
 
 @numba.njit
 def by_lanes(tile, impacts, starts, found, counts):  # type: ignore[no-untyped-def]
-    """Write the first impacts of every start, through one tile."""
+    """Write the first impacts from every initial condition, through one tile."""
     following = refill(tile, starts, 0, float(IMPACTS))
     while following < len(starts) or is_busy(tile):
         advance(tile, impacts, STEPS)
@@ -154,7 +154,7 @@ def by_events(trajectories, events, found, counts):  # type: ignore[no-untyped-d
     'kind',
     [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches, tangent])
 def test_scalar_and_lanes_give_the_same_bits(kind: Any) -> None:
-    """Of 6,000 starts of each kind, the first eight impacts, through sticking and release."""
+    """The first eight impacts from 6,000 of each kind, through sticking and release."""
     starts = kind(np.random.default_rng(1), 6_000)
     rows = new_impacts(STEPS)
     lanes = np.zeros((len(starts), IMPACTS), rows.dtype)

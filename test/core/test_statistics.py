@@ -13,10 +13,10 @@ from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
 
 Array = np.ndarray[Any, Any]
 TRAJECTORIES: Final = 400
-# Drive periods that are let pass, and to which it goes.
+# Drive periods that are left out, and the last one.
 SKIPPED, LAST = 8, 24
 PHASE_BINS: Final = 6
-# At rest on a wall that presses, an impact so slow is the last for the integrator.
+# On a pressed wall, an impact this slow is the last for the integrator.
 SLOW: Final = 1e-6
 
 # alpha, beta, gamma, restitution: far beyond the paper's, with every special value.
@@ -128,7 +128,7 @@ def summaries(number: Array, phase: Array, velocity: Array) -> Array:
 
 
 def independent(rows: Array) -> float:
-    """Return how many trajectories these are worth: of those that have stuck many are copies."""
+    """Return how many of these trajectories are independent: many that stuck are copies."""
     copies = np.unique(rows.round(6), axis=0, return_counts=True)[1]
     return float(copies.sum()**2 / (copies**2).sum())
 

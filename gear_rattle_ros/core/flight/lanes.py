@@ -9,7 +9,7 @@ A consumer, itself a kernel, keeps a tile per thread::
         advance(tile, impacts, STEPS)
         for i in range(LANES):
             # ... look at impacts[i, :tile.count[i]], tile.end[i], tile.left[i] ...
-            # ... write the answer for start number tile.start[i], then:
+            # ... write the answer for initial condition tile.number[i], then:
             release(tile, i)
         following = refill(tile, starts, following, math.inf)
 
@@ -133,7 +133,7 @@ def begin(tile: Record, i: int, cycle: int, phase: float, displacement: float, v
 
 @kernel
 def release(tile: Record, i: int) -> None:
-    """Free a lane whose trajectory is done with."""
+    """Free a lane whose trajectory is finished."""
     tile.start[i] = EMPTY
     tile.left[i] = 0.0
 
@@ -182,7 +182,7 @@ def floats(tile: Record, i: int) -> bool:
 @kernel
 def attend(tile: Record, i: int) -> None:
     """Do for a lane, just after `step`, what the vector loop leaves out."""
-    # That is sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
+    # These are sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
             tile.velocity[i] = rebound(

@@ -60,8 +60,8 @@ TILE: Final = np.dtype([
     # lane needs the scalar path.
     ('impact_velocity', np.float64, LANES), ('has_hit', np.int64, LANES),
     ('is_special', np.int64, LANES),
-    # Impacts of the latest `advance`; number of the start that the lane carries, EMPTY for
-    # none; why it has ended.
+    # Impacts of the latest `advance`; number of the initial condition that the lane follows,
+    # EMPTY for none; why it has ended.
     ('count', np.int64, LANES), ('start', np.int64, LANES), ('end', np.int64, LANES),
 ], align=True)
 

@@ -1,4 +1,4 @@
-"""Chaotic sets: where trajectories move that settle on no orbit, as boxes of the section."""
+"""Chaotic sets, on which trajectories that settle on no orbit move, as boxes of the section."""
 
 import dataclasses
 import functools
@@ -20,7 +20,7 @@ from ..orbits.orbit import close_near, Orbit
 from ..orbits.section import distance, distances, shortest_recurrence
 from ..stream.lyapunov import LyapunovReport, RunningLyapunov
 
-# Trajectories that share at least this part of their boxes are on the same set.
+# Trajectories that share at least this fraction of their boxes are on the same set.
 OVERLAP: Final = 0.5
 # The orbit that names a set: its longest period, how near impacts must recur, how near those are
 # that lead to the same orbit, the orbits tried for a period, the impacts that are searched, and
@@ -76,14 +76,14 @@ class ChaoticSet:
 
     boxes: npt.NDArray[np.bool_]  # (wall, speed, phase), shape (2, BOXES, BOXES)
     speed: float  # greatest speed of the boxes [1]
-    states: RecordArray  # START of trajectories on it, after the impacts that fill the boxes
+    states: RecordArray  # INITIAL of trajectories on it, after the impacts that fill the boxes
     impacts: int  # all of these impacts
     # Which of these trajectories recur and so have left for an orbit; all if others came to rest.
     recurs: npt.NDArray[np.bool_]
     # Name of the shortest periodic orbit in it, which repels. An orbit is exact, while averages
     # over the set have an error and fall on both sides of any rounding.
     orbit: str
-    # START of its impacts: what begins there is the same whichever trajectories showed it.
+    # INITIAL of its impacts: the same whichever trajectories led to the orbit.
     origin: RecordArray
     exponents: LyapunovReport  # of its first trajectory
 
@@ -106,7 +106,7 @@ class ChaoticSet:
 def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
                  tolerance: float) -> list[ChaoticSet]:
     """
-    Find the sets on which trajectories move that are past their transients, in order of names.
+    Find the sets on which trajectories past their transients move, in order of names.
 
     Each is followed for `length` impacts; impacts within `tolerance` [1] recur.
     """
@@ -170,7 +170,7 @@ def fill_lanes(states: RecordArray) -> RecordArray:
 
 
 def enough_of(parameters: Parameters, rows: RecordArray) -> RecordArray:
-    """Return `NAMED` impacts of trajectories, however few there are and however short."""
+    """Return `NAMED` impacts of trajectories, however few and short they are."""
     each = -(-NAMED // len(rows))
     if rows.shape[1] >= each:
         return np.ascontiguousarray(rows[:, :each])
@@ -225,12 +225,12 @@ def least_share(rows: RecordArray, orbit: Orbit) -> float:
 
 
 def starts_from(orbit: Orbit) -> RecordArray:
-    """Return the impacts of an orbit as starts: the same to the bit, however it was found."""
+    """Return the impacts of an orbit as INITIAL: the same to the bit, however it was found."""
     return starts_after(orbit.parameters, *np.round(orbit.points, DIGITS).T)
 
 
 def rows_from(starts: RecordArray) -> RecordArray:
-    """Follow starts in all lanes; only trajectories that do not end."""
+    """Follow initial conditions in all lanes; return only trajectories that do not end."""
     rows, made = record_impacts(fill_lanes(starts), LEADS_AWAY, DECIDED // LANES)
     return rows[made == rows.shape[1]]
 

@@ -140,7 +140,7 @@ def follow_steps(last: RecordArray, events: RecordArray, trajectory: Record, roo
 
 class Succession:
     """
-    Rebuild every flight of a stream, given in batches, and find its records again.
+    Rebuild every flight of a stream, given in batches, and reproduce its records.
 
     Noise may have kicked an impact: its velocity afterwards is then taken as it is, and what comes
     next must follow from it.

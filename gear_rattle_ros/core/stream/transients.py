@@ -70,7 +70,7 @@ class TransientReport:
     epoch: int = 0  #: Epoch of the stream at `index`.
     index: int = 0  #: Number of the impact at which this was found.
     #: Number of the impact after which this transient began: at a reset, at the beginning of the
-    #: stream or behind a hole; at the last retune by more than the tolerance, if it was a
+    #: stream or after a hole; at the last retune by more than the tolerance, if it was a
     #: transient already; where an orbit was left, and at the last retune if that took it off.
     start: int = 0
     impacts: int = 0  #: Impacts of the transient that were seen; 0 where it is over.
@@ -144,7 +144,7 @@ class TransientReport:
         if math.isnan(self.exponent):
             return ''
         if math.isinf(self.exponent):
-            return ', largest exponent -inf: the gear has stuck and forgotten all before'
+            return ', largest exponent -inf: the gear has stuck and lost all memory'
         if math.isnan(self.exponent_error):
             return f', finite-time exponent {self.exponent:+.3f}'
         return f', largest exponent {self.exponent:+.4f} ± {self.exponent_error:.4f}'
