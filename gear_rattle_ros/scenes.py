@@ -3,7 +3,7 @@ Scenes: situations of the paper by name, read from files.
 
 A scene is a YAML file with a title, a text and steps. A step sets parameters of the simulator,
 may reset the state, and lasts its seconds, or longer: until a ramp of alpha that it began ends.
-The first step always resets; parameters that it leaves out are as in `START`.
+The first step always resets; parameters that it leaves out are as in `INITIAL`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -49,14 +49,14 @@ class Kind(enum.Enum):
     UNSETTLED = 'unsettled'
 
 
-# Labels that are no number of an attractor: the key and the kind that go with them.
+# Labels that are not the number of an attractor, with their key and kind.
 OTHERS: Final = {
     RESTS_UPPER: ('rest-upper', Kind.RESTING), RESTS_LOWER: ('rest-lower', Kind.RESTING),
     FLOATING: ('floating', Kind.FLOATING), UNSETTLED: ('unsettled', Kind.UNSETTLED)}
 
 
 def go_on() -> None:
-    """Give nothing up."""
+    """Do not give up."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Attractor:
 
     def with_share(self, settled: int, total: int) -> 'Attractor':
         """Return it with its share of random initial conditions, and the error of that."""
-        # As if two more had settled on it and two elsewhere: none or all have an error, too.
+        # As if two more had settled on it and two elsewhere: shares of 0 and 1 have an error, too.
         share = (settled + 2.0) / (total + 4.0)
         return dataclasses.replace(
             self, settled=settled, share=settled / max(total, 1),

@@ -46,7 +46,7 @@ CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attrac
 
 
 def conserves_areas(model: Parameters | np.recarray[Any, Any]) -> Any:
-    """Whether nothing contracts, so that no attractors exist; of START for every row."""
+    """Whether nothing contracts, so that no attractors exist; of INITIAL for every row."""
     return (model.restitution == 1.0) & (model.beta == 0.0)
 
 
@@ -62,7 +62,7 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
     ----------
     parameters : Parameters
         The model.
-    initial : ndarray of START, shape (n,), optional
+    initial : ndarray of INITIAL, shape (n,), optional
         By default `INITIAL_CONDITIONS` random ones of the default plane. The result does not
         depend on where they are followed.
     tolerance : float

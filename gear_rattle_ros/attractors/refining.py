@@ -2,7 +2,7 @@
 Grids of initial conditions, coarse to fine: what the basin node, the explorer and grids share.
 
 A level is followed in rounds of impacts, in slices of a few milliseconds, so that the work can be
-dropped at any moment. It is shown when its time is over, as far as it is: what has not settled by
+dropped at any moment. It is shown when its time is over, complete or not: what has not settled by
 then, or was not followed, is unsettled in it. Orbits that no search has found are looked for
 among what is left of a level, and all later levels know them.
 """

@@ -2,8 +2,8 @@
 Basins for somebody who watches: what is known at each level, and how much time it has.
 
 On a chaotic attractor nothing settles before it has stayed there for too many impacts to be a
-transient. Where that is the least number of a search, the levels before the last one
-try fewer, of which no initial condition is seen to leave that has settled elsewhere in the first.
+transient. Where that is the least number of a search, the levels before the last one try fewer,
+the first with which no initial condition is claimed that settled elsewhere in the first level.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -29,7 +29,7 @@ TITLE: Final = 'Basins of attraction of the gear-rattling model'
 @dataclasses.dataclass(frozen=True)
 class Settings:
     """
-    What decides over a grid, beside model and plane; `basins` explains it.
+    What determines a grid besides model and plane; `basins` explains it.
 
     Where not `chaotic`, only orbits and rest end a transient. The result does not depend on
     `tile`, the length of a tile's edge.

@@ -54,7 +54,7 @@ def first(request):
                            effort=BRIEF)
 
 
-# So many standard errors apart: for some hundred comparisons.
+# Largest difference, in standard errors, among some hundred comparisons.
 APART = 4.5
 
 
@@ -242,8 +242,8 @@ def test_pieces_are_counted_across_trajectories(pieces):
 
 @pytest.mark.parametrize('tool', [attractors, basins, lifetimes],
                          ids=lambda tool: tool.main.name)
-def test_what_keeps_areas_has_no_attractors(tool, tmp_path, monkeypatch, capsys):
-    """With r = 1 and beta = 0 the determinant is 1: one line says so, and nothing is followed."""
+def test_what_preserves_areas_has_no_attractors(tool, tmp_path, monkeypatch, capsys):
+    """With r = 1 and beta = 0 the determinant is 1: one line reports it; nothing is followed."""
     parameters, path = Parameters(0.1, 0.0, 0.0, 1.0), tmp_path / 'a.zarr'
     only, = find_attractors(parameters).attractors
     assert (only.kind, only.share) == (Kind.UNSETTLED, 1.0)

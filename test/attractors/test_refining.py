@@ -76,7 +76,7 @@ def test_late_orbits_enter_all_later_levels() -> None:
     assert [each.key for each in late_orbits(known, second).late] == [found[-1].late[0].key]
 
 
-def test_nothing_is_followed_where_areas_are_kept() -> None:
+def test_nothing_is_followed_where_areas_are_preserved() -> None:
     """There are no attractors to settle on."""
     level = level_of(CONSERVING)
 

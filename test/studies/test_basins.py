@@ -38,7 +38,7 @@ def reference(tmp_path_factory):
 
 @pytest.mark.parametrize(('tile', 'threads'), [(7, 2), (48, 1), (13, 3)])
 def test_labels_do_not_depend_on_tiles_or_threads(tmp_path, reference, tile, threads):
-    """A start is followed alone, whatever else its tile holds."""
+    """An initial condition is followed alone, whatever else its tile holds."""
     settings = dataclasses.replace(SETTINGS, tile=tile)
     _, label, lifetime, attractors = basin(
         tmp_path / 'a.zarr', PLANE, settings=settings, threads=threads)
@@ -66,7 +66,7 @@ def test_resume_gives_the_same_store(tmp_path, reference):
 
 @pytest.mark.parametrize('tile', [9, 48])
 def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, tile):
-    """With one random start the other attractor is met by the tiles; labels mean the same."""
+    """With one random initial condition the tiles find the other attractor; labels agree."""
     settings = dataclasses.replace(SETTINGS, initial_conditions=1, cap=1500, tile=tile)
     _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, settings=settings)
     _, expected, lifetimes, known = reference
@@ -80,7 +80,7 @@ def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, ti
 
 
 def followed(start):
-    """Follow a start by the scalar simulation and the live detector."""
+    """Follow an initial condition by the scalar simulation and the live detector."""
     simulation = Simulation(
         Parameters(*(float(start[name]) for name in ('alpha', 'beta', 'gamma', 'restitution'))),
         State(0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
@@ -93,7 +93,7 @@ def followed(start):
 
 
 def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
-    """A sample, with all the starts that chatter: the scalar core finds the same."""
+    """A sample, with those that chatter: the scalar core finds the same."""
     _, label, lifetime, attractors = reference
     starts = PLANE.cells(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
     label, lifetime = label.ravel(), lifetime.ravel()
@@ -143,8 +143,8 @@ def test_the_symmetric_model_has_mirrored_basins(tmp_path):
     assert np.mean(np.vectorize(partner.get)(label) == mirrored) > 0.98
 
 
-def test_refilled_lanes_lose_and_repeat_no_start():
-    """A thousand starts through 64 lanes give what each gives alone."""
+def test_refilled_lanes_lose_and_repeat_nothing():
+    """A thousand initial conditions through 64 lanes give what each gives alone."""
     parameters = Parameters(alpha=0.52)
     starts = PLANE.draw(parameters, 1000, 3)
     table = find_attractors(parameters, starts[:100], hold=3000).table
@@ -168,7 +168,7 @@ def test_refilled_lanes_lose_and_repeat_no_start():
 
 
 def test_shares_converge_with_the_size_of_the_grid(tmp_path):
-    """Grids and random starts agree within the error of a share."""
+    """Grids and random initial conditions agree within the error of a share."""
     shares = []
     for size in (24, 96):
         _, label, _, attractors = basin(
@@ -204,7 +204,7 @@ def test_rest_and_floating_have_labels_of_their_own(tmp_path):
     assert np.all(lifetime == 0)
 
 
-def test_starts_that_are_given_up_are_counted_not_guessed(tmp_path):
+def test_what_is_given_up_is_counted_not_guessed(tmp_path):
     """With a cap of a few impacts nearly nothing settles."""
     settings = dataclasses.replace(SETTINGS, cap=12)
     _, label, lifetime, _ = basin(tmp_path / 'a', PLANE, settings=settings)
@@ -212,7 +212,7 @@ def test_starts_that_are_given_up_are_counted_not_guessed(tmp_path):
     assert np.all(lifetime[label == UNSETTLED] == 12)
 
 
-def test_the_dataset_says_what_it_is(reference):
+def test_the_dataset_describes_itself(reference):
     """Coordinates have names and units; parameters and the table of attractors are there."""
     dataset = open_dataset(reference[0].path)
     assert dataset['label'].dims == ('velocity', 'phase')
@@ -252,7 +252,7 @@ def test_windows_magnify_about_a_point():
 
 
 def test_the_largest_grid_is_laid_out_at_once(tmp_path):
-    """20,000 x 20,000 starts: nothing of the size of the grid is held or written up front."""
+    """20,000 x 20,000 cells: nothing of the size of the grid is held or written up front."""
     from gear_rattle_ros.studies.grid import fill_tile, grid_layout
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')

@@ -223,8 +223,8 @@ def test_the_tool_locates_what_is_known_in_closed_form(tmp_path):
         assert abs(one[2] - exact) <= one[3] <= 1e-9
 
 
-def test_an_attractor_that_starts_miss_ends_where_its_branch_does(tmp_path):
-    """Few starts reach the orbit of one impact, hardly any near its grazing."""
+def test_an_attractor_that_is_missed_ends_where_its_branch_does(tmp_path):
+    """Few initial conditions reach the orbit of one impact, hardly any near its grazing."""
     found = events(tmp_path, '--beta 0 --gamma 0.16 --restitution 0.8 --alpha 0.06 0.18 '
                              '--columns 5 --trajectories 64 --hold 2000 --tolerance 1e-4')
     mine = [one for one in found if one[4].startswith('orbit-1-1-')]
@@ -235,7 +235,7 @@ def test_an_attractor_that_starts_miss_ends_where_its_branch_does(tmp_path):
 
 
 @pytest.mark.parametrize('window', ['0.30 0.384', '0.37 0.40', '0.386 0.40', '0.25 0.26'])
-def test_the_loss_of_symmetry_is_told_once(tmp_path, window):
+def test_the_loss_of_symmetry_is_reported_once(tmp_path, window):
     found = events(tmp_path, f'--beta 0 --gamma 0 --restitution 0.5 --alpha {window} --columns 3 '
                              '--trajectories 16')
     (_, _, alpha, error, _), = of_kind(found, 'pitchfork')
@@ -361,7 +361,7 @@ def test_one_end_of_a_thin_basin_in_the_whole_window(tmp_path):
     assert not [one for one in found if one[0] == mine[0][0] and one not in mine]
 
 
-def test_the_cascade_of_b_goes_on_as_feigenbaum_says(tmp_path, capsys):
+def test_the_cascade_of_b_has_feigenbaums_ratio(tmp_path, capsys):
     """And the tool prints and draws what it stores."""
     picture = tmp_path / 'k.png'
     found = events(tmp_path, '--alpha 0.5 0.57 --columns 3 --trajectories 32 --hold 2000 '

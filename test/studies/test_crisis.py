@@ -51,7 +51,7 @@ def test_a_known_rate_is_found_within_its_error(limit):
     assert abs(np.mean(off)) < 4.0 / math.sqrt(60)
 
 
-def test_what_escapes_at_once_says_nothing():
+def test_what_escapes_at_once_does_not_count():
     life = np.concatenate([np.full(1000, 5.0), 50.0 + np.full(10, 100.0)])
     rate = escape_rate(life, np.zeros(1010, bool), 50.0)
     assert rate.escapes == 10 and rate.rate == pytest.approx(0.01)
