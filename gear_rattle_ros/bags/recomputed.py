@@ -50,7 +50,7 @@ class Recomputed:
     """
     Recorded reports, which wait for their batches.
 
-    `found` were found again, bit for bit, `beyond` rest on what is not in the bag, and `fault`
+    `found` were reproduced bit for bit, `beyond` rest on what is not in the bag, and `fault`
     describes the first that is wrong.
     """
 
@@ -70,7 +70,7 @@ class Exponents(Recomputed):
     """
     Recompute every estimate of the Lyapunov node.
 
-    Its average begins at a retune or reset, where the node joined, or behind a hole; the last two
+    Its average begins at a retune or reset, where the node joined, or after a hole; the last two
     are at the first record of a batch, which the estimate itself names by index and epoch.
     """
 
@@ -216,7 +216,7 @@ class Transients(Recomputed):
             elif not self.fault:
                 self.fault = (
                     f'the report {report.get("state")!r} at impact {report.get("index")}, epoch '
-                    f'{report.get("epoch")}, is not what the events say: {report}')
+                    f'{report.get("epoch")}, does not follow from the events: {report}')
 
 
 def _difference(found: Mapping[str, float], expected: Mapping[str, float]) -> str:
