@@ -74,7 +74,7 @@ class View:
         model = [word for name, value in dataclasses.asdict(self.parameters).items()
                  for word in (f'--{name}', repr(value))]
         own = ['--impacts', str(SPAN)] if self.kind == EXPONENTS else [
-            '--cap', str(CAP), '--starts', str(STARTS), '--hold', str(HOLD)]
+            '--cap', str(CAP), '--initial-conditions', str(STARTS), '--hold', str(HOLD)]
         return [self.kind, *model, '--displacement', repr(self.displacement),
                 '--phase', *map(repr, self.phase), '--velocity', *map(repr, self.velocity),
                 '--size', str(min(FINE, self.finest())), *own, '--output', output,

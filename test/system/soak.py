@@ -5,9 +5,9 @@ The whole suite for a long time: memory flat, nothing lost, diagnostics right, t
     python test/system/soak.py --minutes 20 --rate 0                # as fast as the nodes keep up
 
 Runs `suite`, changes its parameters at random, samples the memory of every process, and at the
-end pauses the simulator and holds what the nodes say against each other and against the bag. Exit
-status 1, and a line for each, where a promise is broken. At full rate the bag takes about 30
-bytes an impact; the run ends early when the bag has reached --bag-limit.
+end pauses the simulator and compares the reports of the nodes with each other and with the bag.
+Exit status 1, and a line for each, where a promise is broken. The run ends early when the bag has
+reached --bag-limit.
 """
 
 import argparse
@@ -202,7 +202,7 @@ class Soak:
         self.values.update(values)
 
     def settle(self) -> None:
-        """Pause, and wait until every node has said that it has got everything."""
+        """Pause, and wait until every node has reported that it has everything."""
         self.call(self.watch.pauser, SetBool.Request(data=True))
         since = time.monotonic()
         self.until(lambda: min(self.watch.heard.values()) > since + 1.5 and not any(
@@ -220,7 +220,7 @@ class Soak:
             ('viewer', int(viewer['impacts_drawn']) + int(viewer['impacts_thinned_out'])),
         ):
             if found != impacts:
-                yield f'{name} says {found} impacts, the simulator {impacts}'
+                yield f'{name} reports {found} impacts, the simulator {impacts}'
         for name in ('lyapunov', 'simulator'):
             if int(said[name]['epoch']) != self.changes:
                 yield f'{name} says epoch {said[name]["epoch"]} after {self.changes} changes'
@@ -233,7 +233,7 @@ class Soak:
                     yield f'{name} says {key} = {said[name][key]}'
 
     def check_bag(self) -> None:
-        """Hold the bag against what was said."""
+        """Compare the bag with what was reported."""
         guard, impacts, pieces = StreamGuard(), 0, 0
         for events in Bag(self.bag).events():
             pieces += sum(not piece.follows for piece in guard.split(events))
