@@ -1,5 +1,5 @@
 """
-The boundary crisis found again by programs of another kind.
+The boundary crisis, located by programs of another kind.
 
 The place where the manifolds of the saddle touch: scipy's DOP853 with events integrates eq. (3)
 itself, finds the saddle by Newton's method with differences, and follows its unstable manifold.
@@ -56,7 +56,7 @@ def next_impact(phase, velocity, wall, alpha):  # type: ignore[no-untyped-def]
 
 
 def after(point, wall, count, alpha):  # type: ignore[no-untyped-def]
-    """Follow so many impacts."""
+    """Follow a number of impacts."""
     phase, velocity = point
     for _ in range(count):
         phase, velocity, wall = next_impact(phase, velocity, wall, alpha)

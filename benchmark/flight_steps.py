@@ -1,8 +1,8 @@
 """
-The worst case of the search for one impact: random starts, then hill climbing on each.
+The worst case of the search for one impact: random states, then hill climbing from each.
 
 What is counted are evaluations of the flight. Over states and parameters up to the largest that
-the model takes; then from tangencies: starts on a wall, or between the walls, whose flights meet a
+the model takes; then from tangencies: states on a wall, or between the walls, whose flights meet a
 wall with no velocity and no force, where steps shrink without end. Four worst cases are printed
 beside the bound that doc/steps.md proves. The exit status is 1 where that bound, or `EMPIRICAL`,
 does not hold.
@@ -44,14 +44,14 @@ def steps_of(start, longest):  # type: ignore[no-untyped-def]
 
 @numba.njit
 def cost(start, longest, steps_a_time):  # type: ignore[no-untyped-def]
-    """Return what is to be made as large as can be."""
+    """Return what is to be made as large as possible."""
     steps, d = steps_of(start, longest)
     return steps - steps_a_time * d
 
 
 @numba.njit
 def random_start():  # type: ignore[no-untyped-def]
-    """Return a start of any size, on a wall or between them."""
+    """Return an initial condition of any size, on a wall or between them."""
     start = np.zeros(6)
     start[0] = np.random.uniform(0.0, TWO_PI)
     place = np.random.randint(4)
@@ -66,7 +66,7 @@ def random_start():  # type: ignore[no-untyped-def]
 
 @numba.njit
 def tangent_start():  # type: ignore[no-untyped-def]
-    """Return a start whose flight nearly meets the upper wall without velocity and force."""
+    """Return an initial condition whose flight nearly meets the upper wall with v = a = 0."""
     start = np.zeros(6)
     start[3] = 10.0**np.random.uniform(-3.0, 3.0)
     if np.random.random() < 0.5:
@@ -92,7 +92,7 @@ def tangent_start():  # type: ignore[no-untyped-def]
 
 @numba.njit
 def neighbour(start):  # type: ignore[no-untyped-def]
-    """Return a start beside another, at a random distance of any size."""
+    """Return an initial condition beside another, at a random distance of any size."""
     other = start.copy()
     size = 10.0**np.random.uniform(-15.0, 0.0)
     for j in range(6):
@@ -110,7 +110,7 @@ def neighbour(start):  # type: ignore[no-untyped-def]
 
 @numba.njit
 def climb(seed, moves, longest, steps_a_time, is_tangent):  # type: ignore[no-untyped-def]
-    """Return the worst start that is found from the worst of fifty random ones."""
+    """Return the worst initial condition that is found from the worst of fifty random ones."""
     np.random.seed(seed)
     best = tangent_start() if is_tangent else random_start()
     worst = cost(best, longest, steps_a_time)
@@ -127,7 +127,7 @@ def climb(seed, moves, longest, steps_a_time, is_tangent):  # type: ignore[no-un
 
 def worst_start(climbs: int, seed: int, longest: float, steps_a_time: float,
                 is_tangent: bool) -> tuple[int, float, np.ndarray]:
-    """Return evaluations, time and start of the worst case of many climbs."""
+    """Return evaluations, time and initial condition of the worst case of many climbs."""
     found = [climb(seed * 1_000_003 + k, 3000, longest, steps_a_time, is_tangent)
              for k in range(climbs)]
     start = max(found, key=lambda pair: pair[0])[1]
@@ -135,7 +135,7 @@ def worst_start(climbs: int, seed: int, longest: float, steps_a_time: float,
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Search, print the worst cases, and tell whether the bounds hold."""
+    """Search, print the worst cases, and return 1 where the bounds do not hold."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').split('\n\n')[0])
     parser.add_argument('--climbs', type=int, default=40)
     parser.add_argument('--seed', type=int, default=1)

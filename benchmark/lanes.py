@@ -40,7 +40,7 @@ STEPS = 60
 ROUNDS = 1e6
 FLAGS = ('-O3', '-march=native', '-mprefer-vector-width=512', '-fno-math-errno',
          '-fno-trapping-math', '-shared', '-fPIC', f'-DLANES={LANES}')
-# Features of processors that numba is told to leave aside.
+# Features of processors that numba is to leave aside.
 NO_AVX512 = '+avx2,+avx,+fma,+sse4.2'
 NO_AVX2 = '+sse4.2'
 Turn = Callable[[], None]

@@ -37,7 +37,7 @@ class Comparison:
     catalogue: Catalogue
 
     def classes(self) -> dict[str, np.ndarray]:
-        """Divide the starts by what the peer says of them."""
+        """Divide the cells by the label that the peer gives them."""
         agrees = self.ours == self.theirs
         return {'the same label': agrees, 'another label': ~agrees & (self.theirs >= 0),
                 'no label': self.theirs < 0}
@@ -51,12 +51,12 @@ def python_of(peer: str) -> str:
 
 
 def compare(peer: str, python: str, size: int, count: int, folder: Path) -> Comparison:
-    """Follow size x size starts by the peer, count impacts each, and by the lanes."""
+    """Follow size x size cells by the peer, count impacts each, and by the lanes."""
     plane = Plane(phases=size, velocities=size)
     starts = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
-    np.save(folder / 'starts.npy', np.stack([starts['phase'], starts['velocity']], axis=1))
+    np.save(folder / 'initial.npy', np.stack([starts['phase'], starts['velocity']], axis=1))
     done = subprocess.run(
-        [python, str(FOLLOW), peer, str(folder / 'starts.npy'), str(folder / 'last.npy'),
+        [python, str(FOLLOW), peer, str(folder / 'initial.npy'), str(folder / 'last.npy'),
          str(count)], check=True, stdout=subprocess.PIPE, text=True)
     last = np.load(folder / 'last.npy')
     catalogue = find_attractors(PARAMETERS, plane.draw(PARAMETERS, 1000, 1))
@@ -74,7 +74,7 @@ def compare(peer: str, python: str, size: int, count: int, folder: Path) -> Comp
 
 
 def decide(found: Comparison, chosen: np.ndarray, most: int) -> tuple[int, int, int]:
-    """Follow some of the chosen starts in 50 digits; how many, right here, right there."""
+    """Follow some of the chosen cells in 50 digits; how many, right here, right there."""
     orbits = [list(zip(orbit.phases.tolist(), orbit.velocities.tolist(), strict=True))
               for orbit in found.catalogue.orbits]
     cells = np.flatnonzero(chosen).tolist()

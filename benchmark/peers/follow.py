@@ -1,9 +1,9 @@
 """
-The last impact of many starts by heyoka or by scipy's solve_ivp, as a user would write it.
+The last impact of many trajectories by heyoka or by scipy's solve_ivp, as a user would write it.
 
-Run by benchmark/basins.py, with a Python that has the peer: follow.py PEER STARTS.npy OUT.npy N
-follows each start for N impacts and writes (phase, velocity) before the last one; prints seconds
-of computing. Starts are rows (phase, velocity) on s = 0.
+Run by benchmark/basins.py, with a Python that has the peer: follow.py PEER INITIAL.npy OUT.npy N
+follows each for N impacts and writes (phase, velocity) before the last one; prints seconds
+of computing. Initial conditions are rows (phase, velocity) on s = 0.
 """
 
 import math
@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 ALPHA, BETA, GAMMA, R = 0.48, 0.1, 0.1, 0.9
-# Below this speed after an impact a start is given up: nothing here knows how to stick.
+# Below this speed after an impact a trajectory is given up: nothing here knows how to stick.
 SLOW = 1e-7
 
 
@@ -81,7 +81,7 @@ def by_heyoka(starts, count):
 
 
 def main():
-    """Follow the starts by the peer that is named."""
+    """Follow the initial conditions by the peer that is named."""
     name, starts, out, count = sys.argv[1:]
     begin = time.perf_counter()
     last = {'heyoka': by_heyoka, 'scipy': by_scipy}[name](np.load(starts), int(count))

@@ -19,7 +19,7 @@ STATISTICS = ('velocity', 'phase', 'phase by the wall', 'flight time', 'impacts 
 GRAIN = 1e-4
 # Where p is small, enough of them for Holm over 24 settings at 1 %.
 SHUFFLES, MORE = 1000, 3000
-# Distribution functions are compared at so many quantiles.
+# Number of quantiles at which distribution functions are compared.
 PLACES = 41
 # Events of one trajectory, far more than any has here.
 CAP = 200_000
@@ -53,7 +53,7 @@ def events_of(start: Array, setting: Array, most: int, periods: int) -> EventArr
 
 
 def is_strong(events: EventArray) -> Array:
-    """Tell which events are impacts that count."""
+    """Return which events are impacts that count."""
     return (events['kind'] <= EventKind.STICK) & (np.abs(events['velocity']) >= STRONG)
 
 
@@ -73,7 +73,7 @@ def rows_of(number: int, events: EventArray) -> Array:
 
 
 def own_rows(starts: Array, setting: Array, most: int, periods: int) -> Array:
-    """Follow every start here."""
+    """Follow every initial condition here."""
     return np.concatenate([rows_of(number, events_of(start, setting, most, periods))
                            for number, start in enumerate(starts)])
 
@@ -86,7 +86,7 @@ def samples(rows: Array, count: int, restitution: float) -> Array:
         _, tau, velocity, rest = rows[edges[k]:edges[k + 1]].T
         result[k, -1] = len(tau)
         if len(tau) < 2:
-            # Nearly at once at rest, or afloat, for ever: nothing but that is said of it.
+            # At rest or floating nearly at once, permanently: it has no other statistics.
             continue
         half = (len(tau) - 1) // 2
         periods = (tau[-1] - tau[half]) / TWO_PI
@@ -113,7 +113,7 @@ def compare(one: Array, two: Array, random: np.random.Generator) -> tuple[float,
 
     A permutation test, exact whatever the distributions: labels of trajectories are shuffled,
     and the largest of all distances, each in its own standard deviations, is compared with that
-    of the samples as they are. Equal ones are told apart by chance, so p is uniform.
+    of the samples as they are. Ties are broken by chance, so p is uniform.
     """
     pooled = np.concatenate([one, two])
     at = np.quantile(pooled, np.linspace(0.0, 1.0, PLACES), axis=0, method='lower')
@@ -174,7 +174,7 @@ def comparable(events: EventArray, setting: Array) -> Array:
 
 def path_errors(starts: Array, setting: Array, theirs: Array, most: int,
                 periods: int) -> tuple[int, float]:
-    """Follow starts of a peer here; how many impacts are compared, and the largest difference."""
+    """Follow states of a peer here; how many impacts are compared, and the largest difference."""
     count, worst = 0, 0.0
     edges = np.searchsorted(theirs[:, 0], np.arange(len(starts) + 1))
     for number, start in enumerate(starts):
