@@ -64,6 +64,6 @@ class Saving:
         with self._lock:
             self._process = None
         if process.returncode == 0:
-            self._report(f'saved in {place}: dataset, picture and the command that makes them', True)
+            self._report(f'saved in {place}: dataset, picture and the command for them', True)
         else:
             self._report(f'not saved: {errors[-1] if errors else process.returncode}', False)

@@ -69,7 +69,7 @@ class TransientReport:
     regime: Regime  #: Transient, on a periodic orbit, or permanently at rest on a wall.
     epoch: int = 0  #: Epoch of the stream at `index`.
     index: int = 0  #: Number of the impact at which this was found.
-    #: Number of the impact after which this transient began: at a reset, at the beginning of the
+    #: Number of the impact after which this transient began, at a reset, at the beginning of the
     #: stream or after a hole; at the last retune by more than the tolerance, if it was a
     #: transient already; where an orbit was left, and at the last retune if that took it off.
     start: int = 0
@@ -80,7 +80,7 @@ class TransientReport:
     #: its orbit, flight times too, or to the last at rest; None while it is transient. At least 2
     #: for an orbit at the beginning of a stream: the first impact has no flight before it.
     lifetime: int | None = None
-    #: The orbit, beginning with the least (wall, phase), at the parameters of `epoch`: refined by
+    #: The orbit, beginning with the least (wall, phase), at the parameters of `epoch`, refined by
     #: Newton's method where that finds it, else the mean of the last impacts, whose multipliers
     #: are not known; multipliers are 0 where it sticks.
     orbit: Orbit | None = None
