@@ -15,7 +15,7 @@ Array = np.ndarray
 STATISTICS = ('velocity', 'phase', 'phase by the wall', 'flight time', 'impacts per period',
               'energy lost per period', 'share of rest', 'impacts until the end')
 # Numbers are compared as multiples of it: on periodic orbits many trajectories have the same
-# ones but for the error of the integrator, which is no difference in distribution.
+# ones but for the error of the integrator, which does not change the distribution.
 GRAIN = 1e-4
 # Where p is small, enough of them for Holm over 24 settings at 1 %.
 SHUFFLES, MORE = 1000, 3000

@@ -42,7 +42,7 @@ SETS_MOST: Final = 60
 TRACED: Final = 40_000
 
 Check: TypeAlias = Callable[[], None]
-CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attractors'
+CONSERVES: Final = 'restitution = 1 and beta = 0 preserve areas: there are no attractors'
 
 
 def conserves_areas(model: Parameters | np.recarray[Any, Any]) -> Any:
@@ -56,7 +56,7 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
                     threads: int | None = None, cluster: str | None = None,
                     check: Check = go_on) -> Catalogue:
     """
-    Find the attractors that initial conditions reach; none where areas are kept.
+    Find the attractors that initial conditions reach; none where areas are preserved.
 
     Parameters
     ----------

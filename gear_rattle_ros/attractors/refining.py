@@ -56,7 +56,7 @@ class Level:
         # Those that have not settled, and those that this round has still to follow.
         self.left = (np.random.default_rng(SEED).permutation(len(initial)) if is_mixed
                      else np.arange(len(initial)))
-        # Where areas are kept nothing settles, and nothing is followed.
+        # Where areas are preserved nothing settles, and nothing is followed.
         self.due = self.left[~conserves_areas(initial.view(np.recarray))[self.left]]
         self.rounds = self.impacts = 0
         # Time that it took [s], and impacts of an initial condition in a round.

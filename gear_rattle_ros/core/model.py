@@ -99,7 +99,7 @@ class Parameters:
     Raises
     ------
     ValueError
-        If a value is no number, not finite, or outside its range.
+        If a value is not a number, not finite, or outside its range.
 
     """
 

@@ -60,7 +60,7 @@ def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str =
     """
     Put the attractors of a dataset in words, with the cells of a grid by label.
 
-    What is known `beside` them follows; where areas are kept, one line is all.
+    What is known `beside` them follows; where areas are preserved, one line is all.
     """
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES

@@ -78,7 +78,7 @@ class End:
     Where a chaotic attractor ends.
 
     `kind`: window: a stable orbit is born and replaces it; crisis: trajectories escape from it;
-    interior crisis: they come back to it now and then; orbit: it is no end, but goes on as an
+    interior crisis: they come back to it now and then; orbit: it does not end, but goes on as an
     orbit whose doublings lead up to it.
     """
 
@@ -172,7 +172,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after, Orbit):
                         break
             else:
-                # A window narrower than a column is no end: chaos is back on its other side, or at
+                # A window narrower than a column is not an end: chaos is back beyond it, or at
                 # the next column.
                 column = edge - direction * width * (
                     math.ceil(direction * (edge - low) / width - 1e-6) - 1)
@@ -302,7 +302,7 @@ def _go_on(parameters: Parameters, states: RecordArray
                 continue
             q = int(shortest_recurrence(row, KEPT // 2, RECURS))
             if q:
-                # An orbit that sticks is no root of Newton's method.
+                # Newton's method does not find an orbit that sticks.
                 orbit = close_near(parameters, row[-q:]) or find_orbit(
                     parameters, row, KEPT // 2, RECURS)
                 if orbit is not None and orbit.is_stable:
