@@ -61,7 +61,7 @@ def run(tool: str, store: Path, *options: str, cache: Path | None = None) -> tup
     return float(seconds), float(peak)
 
 
-def starts_of_processes(folder: Path) -> Iterator[Row]:
+def first_and_second(folder: Path) -> Iterator[Row]:
     """Time the first start ever and the second."""
     for words in ('first start ever, which compiles', 'second start'):
         seconds, _ = run('basins', folder / f'{words[:5]}.zarr', '--size', '20',
@@ -179,7 +179,7 @@ def main() -> None:
     sizes = {peer: size for peer in IMPACTS if (size := getattr(given, peer))}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        parts = {'start': starts_of_processes(folder),
+        parts = {'start': first_and_second(folder),
                  'basin': whole('basins', folder, given.size),
                  'lifetimes': whole('lifetimes', folder, given.size),
                  'threads': computing(given.size),

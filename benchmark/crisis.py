@@ -169,14 +169,14 @@ def compare_escapes(boundary: Boundary, scan: ctypes.CDLL) -> None:
     print(f'{"alpha":>10s}  {"scan in C":38s}  {"lanes":38s}')
     for alpha in ALPHAS:
         parameters = Parameters(alpha=alpha)
-        starts = Plane(displacement=-0.5).draw(parameters, TRAJECTORIES, 11)
+        initial = Plane(displacement=-0.5).draw(parameters, TRAJECTORIES, 11)
         with ThreadPoolExecutor() as pool:
             peer = list(pool.map(lambda start, alpha=alpha: scan.escape(
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,
-                GAMMA, RESTITUTION, STEP), starts))
+                GAMMA, RESTITUTION, STEP), initial))
         here = boundary.at(alpha)
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], starts, here.captor.points, radius_of(here), SKIP, TRAJECTORIES,
+            new_tiles(1)[0], initial, here.captor.points, radius_of(here), SKIP, TRAJECTORIES,
             LIMIT)
         ours = np.where(fates == CAPTURED, lifetimes, -1)
         print(f'{alpha:10.7f}  {rate(peer):38s}  {rate(ours):38s}', flush=True)

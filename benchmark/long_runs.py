@@ -24,7 +24,7 @@ import time
 
 import numpy as np
 from peers.comparison import python_of
-from peers.samples import compare, own_rows, path_errors, random_starts, samples
+from peers.samples import compare, own_rows, path_errors, random_states, samples
 
 CHAINS = Path(__file__).with_name('peers') / 'chains.py'
 Array = np.ndarray
@@ -109,7 +109,7 @@ def verdict(ps: list[float]) -> tuple[bool, str]:
 
 def sample_here(settings: Array, size: Size, seed: int) -> list[Array]:
     """Return samples of this package at all settings, from states drawn here."""
-    return [samples(own_rows(random_starts(size.trajectories, seed + k), setting, size.impacts,
+    return [samples(own_rows(random_states(size.trajectories, seed + k), setting, size.impacts,
                              size.periods), size.trajectories, setting[3])
             for k, setting in enumerate(settings)]
 
@@ -121,11 +121,11 @@ def judge(ours: list[Array], theirs: list[Array], seed: int) -> tuple[list[float
     return [p for p, _ in pairs], [worst for _, worst in pairs]
 
 
-def run_peer(peer: str, python: str, starts: Array, settings: Array, size: Size,
+def run_peer(peer: str, python: str, states: Array, settings: Array, size: Size,
              folder: Path) -> tuple[list[Array], float]:
     """Let a peer follow states at all settings; its rows, and seconds of its processor time."""
     job, out = folder / 'job.npz', folder / 'out.npz'
-    np.savez(job, starts=starts, settings=settings, most=size.impacts,
+    np.savez(job, states=states, settings=settings, most=size.impacts,
              until=2.0 * math.pi * size.periods)
     done = subprocess.run([python, str(CHAINS), peer, str(job), str(out)], check=True,
                           stdout=subprocess.PIPE, text=True)
@@ -136,12 +136,12 @@ def run_peer(peer: str, python: str, starts: Array, settings: Array, size: Size,
 def against(peer: str, python: str, settings: Array, size: Size, wrong: str, seed: int,
             folder: Path) -> bool:
     """Compare with a peer; print a table, and return whether it disagrees."""
-    starts = random_starts(size.trajectories, seed)
+    states = random_states(size.trajectories, seed)
     theirs = WRONG[wrong][1](settings) if wrong else settings
     begin = time.process_time()
     ours = sample_here(settings, size, seed + 1000)
     seconds = time.process_time() - begin
-    rows, their_seconds = run_peer(peer, python, starts, theirs, size, folder)
+    rows, their_seconds = run_peer(peer, python, states, theirs, size, folder)
     other = [samples(found, size.trajectories, setting[3])
              for found, setting in zip(rows, theirs, strict=True)]
     ps, worst = judge(ours, other, seed)
@@ -153,7 +153,7 @@ def against(peer: str, python: str, settings: Array, size: Size, wrong: str, see
           'largest difference |\n|---|---|---|---|---|---|---|---|---|')
     compared, largest = 0, 0.0
     for k, setting in enumerate(settings):
-        count, error = path_errors(starts, setting, rows[k], size.impacts, size.periods)
+        count, error = path_errors(states, setting, rows[k], size.impacts, size.periods)
         compared, largest = compared + count, max(largest, error)
         rest = ours[k][:, 6].clip(0.0).mean() * 1e-4
         print(f'| {" | ".join(f"{value:g}" for value in setting)} | {ps[k]:.4f} | {worst[k]} | '

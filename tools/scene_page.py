@@ -19,7 +19,7 @@ from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, impact_count, Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import TransientDetector
-from gear_rattle_ros.scenes import load_scenes, Number, Scene, START, Step
+from gear_rattle_ros.scenes import INITIAL, load_scenes, Number, Scene, Step
 
 COMMAND = 'python tools/scene_page.py'
 MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
@@ -132,7 +132,7 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
 
 
 def _settings(step: Step, first: bool) -> str:
-    known = {**START, 'alpha_target': step.parameters.get('alpha')} if first else {}
+    known = {**INITIAL, 'alpha_target': step.parameters.get('alpha')} if first else {}
     words = [f'`{name}` {value:g}' for name, value in step.parameters.items()
              if known.get(name) != value]
     return ', '.join([*words, *(['then resets'] if step.reset else [])]) or 'nothing'

@@ -72,7 +72,7 @@ def safe(tau, sign, setting):
     return min(LEAVE, 0.5 * next_zero(tau, -sign, setting))
 
 
-def by_scipy(starts, setting, most, until):
+def by_scipy(states, setting, most, until):
     """
     Follow the driven gear from turn to turn and to the walls, with terminal events.
 
@@ -100,7 +100,7 @@ def by_scipy(starts, setting, most, until):
                          max_step=0.1)
 
     rows = []
-    for number, (tau, s, v) in enumerate(starts.tolist()):
+    for number, (tau, s, v) in enumerate(states.tolist()):
         base, rest, count = 0.0, 0.0, 0
         way = 1.0 if v > 0.0 or (v == 0.0 and press(tau, setting) > 0.0) else -1.0
         y = [s - alpha * math.sin(tau), v - alpha * math.cos(tau)]
@@ -166,11 +166,11 @@ class Taylor:
             return self.left > 0 and self.held is None
         return bounce
 
-    def __call__(self, starts, setting, most, until):
+    def __call__(self, states, setting, most, until):
         """Follow every initial condition."""
         self.setting, self.rows = setting, []
         self.flight.pars[:] = self.leaving.pars[:] = setting[:3]
-        for self.number, (tau, s, v) in enumerate(starts.tolist()):
+        for self.number, (tau, s, v) in enumerate(states.tolist()):
             self.left, self.rest = most, 0.0
             while self.left > 0:
                 self.held = None

@@ -17,7 +17,7 @@ ALPHA, BETA, GAMMA, R = 0.48, 0.1, 0.1, 0.9
 SLOW = 1e-7
 
 
-def by_scipy(starts, count):
+def by_scipy(initial, count):
     """Integrate from impact to impact with terminal events."""
     from scipy.integrate import solve_ivp
 
@@ -32,8 +32,8 @@ def by_scipy(starts, count):
 
     upper.terminal = lower.terminal = True
     upper.direction, lower.direction = 1.0, -1.0
-    last = np.full((len(starts), 2), np.nan)
-    for number, (phase, velocity) in enumerate(starts):
+    last = np.full((len(initial), 2), np.nan)
+    for number, (phase, velocity) in enumerate(initial):
         t, s, v = phase, 0.0, velocity
         if v > 0.0:
             v = -R * v
@@ -52,7 +52,7 @@ def by_scipy(starts, count):
     return last
 
 
-def by_heyoka(starts, count):
+def by_heyoka(initial, count):
     """Integrate with Taylor series and terminal events at both walls."""
     import heyoka as hy
     s, v = hy.make_vars('s', 'v')
@@ -67,9 +67,9 @@ def by_heyoka(starts, count):
     walls = [hy.t_event(wall, callback=bounce, direction=direction) for wall, direction in (
         (s, hy.event_direction.positive), (s + 1.0, hy.event_direction.negative))]
     integrator = hy.taylor_adaptive([(s, v), (v, force - BETA * v)], [0.0, 0.0], t_events=walls)
-    last = np.full((len(starts), 2), np.nan)
+    last = np.full((len(initial), 2), np.nan)
     begin = time.perf_counter()
-    for number, (phase, velocity) in enumerate(starts):
+    for number, (phase, velocity) in enumerate(initial):
         here[0], here[1] = math.nan, 0
         integrator.time = phase
         integrator.state[:] = 0.0, -R * velocity if velocity > 0.0 else velocity
@@ -82,9 +82,9 @@ def by_heyoka(starts, count):
 
 def main():
     """Follow the initial conditions by the peer that is named."""
-    name, starts, out, count = sys.argv[1:]
+    name, initial, out, count = sys.argv[1:]
     begin = time.perf_counter()
-    last = {'heyoka': by_heyoka, 'scipy': by_scipy}[name](np.load(starts), int(count))
+    last = {'heyoka': by_heyoka, 'scipy': by_scipy}[name](np.load(initial), int(count))
     seconds = time.perf_counter() - begin
     if isinstance(last, tuple):
         last, seconds = last

@@ -27,16 +27,16 @@ CAP = 200_000
 GROWTH = 100.0
 
 
-def random_starts(count: int, seed: int) -> Array:
+def random_states(count: int, seed: int) -> Array:
     """Return rows of phase, displacement and velocity."""
     random = np.random.default_rng(seed)
     return np.stack([random.uniform(0.0, TWO_PI, count), random.uniform(-1.0, 0.0, count),
                      random.normal(0.0, 1.0, count)], axis=1)
 
 
-def events_of(start: Array, setting: Array, most: int, periods: int) -> EventArray:
+def events_of(state: Array, setting: Array, most: int, periods: int) -> EventArray:
     """Return the events of a trajectory, up to its last strong impact or the end of its time."""
-    simulation = Simulation(Parameters(*setting.tolist()), State(0, *start.tolist()))
+    simulation = Simulation(Parameters(*setting.tolist()), State(0, *state.tolist()))
     pieces, strong, count = [], 0, 0
     while strong < most:
         piece = simulation.advance(periods, 0.0, 2 * most)
@@ -46,7 +46,7 @@ def events_of(start: Array, setting: Array, most: int, periods: int) -> EventArr
         if len(piece) < 2 * most:
             break
         if count > CAP:
-            raise RuntimeError(f'more than {CAP} events from {start} at {setting}')
+            raise RuntimeError(f'more than {CAP} events from {state} at {setting}')
     events = np.concatenate(pieces)
     return events[:np.flatnonzero(np.cumsum(is_strong(events)) == most)[0] + 1
                   if strong >= most else len(events)]
@@ -72,10 +72,10 @@ def rows_of(number: int, events: EventArray) -> Array:
                     axis=1)[strong]
 
 
-def own_rows(starts: Array, setting: Array, most: int, periods: int) -> Array:
+def own_rows(states: Array, setting: Array, most: int, periods: int) -> Array:
     """Follow every initial condition here."""
-    return np.concatenate([rows_of(number, events_of(start, setting, most, periods))
-                           for number, start in enumerate(starts)])
+    return np.concatenate([rows_of(number, events_of(state, setting, most, periods))
+                           for number, state in enumerate(states)])
 
 
 def samples(rows: Array, count: int, restitution: float) -> Array:
@@ -172,13 +172,13 @@ def comparable(events: EventArray, setting: Array) -> Array:
     return np.array(result, dtype=int)
 
 
-def path_errors(starts: Array, setting: Array, theirs: Array, most: int,
+def path_errors(states: Array, setting: Array, theirs: Array, most: int,
                 periods: int) -> tuple[int, float]:
     """Follow states of a peer here; how many impacts are compared, and the largest difference."""
     count, worst = 0, 0.0
-    edges = np.searchsorted(theirs[:, 0], np.arange(len(starts) + 1))
-    for number, start in enumerate(starts):
-        events = events_of(start, setting, most, periods)
+    edges = np.searchsorted(theirs[:, 0], np.arange(len(states) + 1))
+    for number, state in enumerate(states):
+        events = events_of(state, setting, most, periods)
         chosen = comparable(events, setting)
         other = theirs[edges[number]:edges[number + 1]]
         if len(other) < len(chosen):

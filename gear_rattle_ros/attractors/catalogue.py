@@ -16,7 +16,7 @@ from .plane import STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
-from ..core.flight.lanes import EMPTY, new_tiles, START
+from ..core.flight.lanes import EMPTY, INITIAL, new_tiles
 from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import ChaoticSet
 from ..core.many.orbit_table import dilated, make_table
@@ -174,7 +174,7 @@ class Catalogue:
     stay: int = 0
     labels: npt.NDArray[np.int64] = dataclasses.field(
         default_factory=lambda: np.zeros(0, np.int64))
-    states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, START))
+    states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, INITIAL))
     late: tuple[Orbit, ...] = ()
 
     @functools.cached_property

@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..core.arrays import FloatArray
-from ..core.flight.lanes import START
+from ..core.flight.lanes import INITIAL
 from ..core.model import Parameters, require_finite, VELOCITY_MAXIMUM
 
 TWO_PI: Final = 2.0 * math.pi
 # Largest number of cells along an edge.
 EDGE_MAXIMUM: Final = 1_000_000
 
-StartArray = npt.NDArray[np.void]
+InitialArray = npt.NDArray[np.void]
 # The fields of INITIAL, or of RESULT, that change along a trajectory.
 STATE: Final = ('phase', 'displacement', 'velocity')
 
@@ -63,14 +63,14 @@ class Plane:
         """Return the centres of some cells in velocity [1], of all by default."""
         return _centres(self.velocity, self.velocities, first, last)
 
-    def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> StartArray:
+    def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> InitialArray:
         """Return the initial conditions of some cells as INITIAL, row by row, velocity first."""
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
         return make_initial_conditions(parameters, np.tile(p, len(v)), self.displacement,
                                        np.repeat(v, len(p)))
 
-    def draw(self, parameters: Parameters, count: int, seed: int) -> StartArray:
+    def draw(self, parameters: Parameters, count: int, seed: int) -> InitialArray:
         """Draw INITIAL uniformly from the window; the first do not depend on the `count`."""
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
@@ -86,9 +86,10 @@ class Plane:
 
 
 def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
-                            displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> StartArray:
+                            displacement: npt.ArrayLike, velocities: npt.ArrayLike
+                            ) -> InitialArray:
     """Put initial conditions (phases of any size) and parameters together, as INITIAL."""
-    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
+    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, INITIAL)
     turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
     initial['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
     initial['displacement'] = displacement
@@ -98,7 +99,7 @@ def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
     return initial
 
 
-def at_parameters(parameters: Parameters, states: StartArray) -> StartArray:
+def at_parameters(parameters: Parameters, states: InitialArray) -> InitialArray:
     """Return the initial conditions of states, at parameters of their own or at others."""
     return make_initial_conditions(parameters, *(states[name] for name in STATE))
 

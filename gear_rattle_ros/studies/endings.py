@@ -18,7 +18,7 @@ from ..core.flight.lanes_step import LANES
 from ..core.many.escape import EscapeRate
 from ..core.many.orbit_table import dilated
 from ..core.many.recognition import find_orbit
-from ..core.many.recorded import record_impacts, starts_after
+from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RecordArray, RESTS_LOWER, RESTS_UPPER
 from ..core.model import ALPHA_MAXIMUM, Parameters
 from ..core.orbits.branches import Change, follow, is_own_image, Turn
@@ -292,7 +292,7 @@ def _go_on(parameters: Parameters, states: RecordArray
     # States after a round, its last impacts, and who is at rest or on a stable orbit.
     rows, counts = record_impacts(at_parameters(parameters, states), ROUND - KEPT, KEPT)
     last = rows[:, -1]
-    after = starts_after(parameters, last['phase'], last['velocity'])
+    after = initial_after(parameters, last['phase'], last['velocity'])
 
     def captors() -> Iterator[tuple[int, Orbit | str]]:
         for i, row in enumerate(rows):

@@ -11,7 +11,7 @@ from ..attractors.catalogue import BATCH, go_on
 from ..attractors.engine import run_tiles
 from ..attractors.finding import Check
 from ..attractors.listing import named
-from ..attractors.plane import Plane, StartArray
+from ..attractors.plane import InitialArray, Plane
 from ..core.arrays import FloatArray
 from ..core.defaults import EXPONENT_IMPACTS
 from ..core.flight.lanes import new_tiles
@@ -26,7 +26,7 @@ NAME: Final = 'exponents'
 EDGE: Final = 100
 
 
-def finite_time_exponents(initial: StartArray, count: int, threads: int | None = None,
+def finite_time_exponents(initial: InitialArray, count: int, threads: int | None = None,
                           check: Check = go_on) -> FloatArray:
     """
     Find the largest finite-time exponents of initial conditions over some impacts.

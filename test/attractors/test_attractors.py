@@ -19,8 +19,8 @@ from gear_rattle_ros.store.store import open_dataset
 def search(parameters: Parameters, count: int = 200, seed: int = 1, **settings):
     """Search from random initial conditions of the default window."""
     settings = {'hold': 4000, **settings}
-    starts = Plane().draw(parameters, count, seed)
-    return find_attractors(parameters, starts, **settings)
+    initial = Plane().draw(parameters, count, seed)
+    return find_attractors(parameters, initial, **settings)
 
 
 @pytest.fixture(scope='module')
@@ -177,7 +177,7 @@ def test_keys_of_chaotic_attractors_do_not_depend_on_the_seed(alpha, impacts):
 
 def test_a_search_can_be_given_up_all_along() -> None:
     """Checks come all along, and the one that raises is the last."""
-    starts = Plane().draw(Parameters(1.0), 60, 1)
+    initial = Plane().draw(Parameters(1.0), 60, 1)
     calls = []
 
     class GivenUp(Exception):
@@ -186,7 +186,7 @@ def test_a_search_can_be_given_up_all_along() -> None:
     def check() -> None:
         calls.append(None)
 
-    find_attractors(Parameters(1.0), starts, hold=60_000, threads=1, check=check)
+    find_attractors(Parameters(1.0), initial, hold=60_000, threads=1, check=check)
     assert len(calls) > 10
     most = len(calls) // 2
     calls.clear()
@@ -197,5 +197,5 @@ def test_a_search_can_be_given_up_all_along() -> None:
             raise GivenUp
 
     with pytest.raises(GivenUp):
-        find_attractors(Parameters(1.0), starts, hold=60_000, threads=1, check=check_and_give_up)
+        find_attractors(Parameters(1.0), initial, hold=60_000, threads=1, check=check_and_give_up)
     assert len(calls) == most

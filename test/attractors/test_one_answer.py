@@ -119,11 +119,11 @@ def test_continuation_agrees(first, tmp_path):
 
 def test_the_live_detector_agrees(first):
     """What the detector sees in the stream of one initial condition is its label."""
-    starts = Plane().draw(first.parameters, 300, 1)[:6]
-    for start, result in zip(starts, first.label(starts), strict=True):
+    initial = Plane().draw(first.parameters, 300, 1)[:6]
+    for origin, result in zip(initial, first.label(initial), strict=True):
         detector = TransientDetector()
         simulation = Simulation(first.parameters, State(
-            0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+            0, float(origin['phase']), float(origin['displacement']), float(origin['velocity'])))
         attractor = {each.label: each for each in first.attractors}.get(int(result['label']))
         kind = attractor.kind if attractor else Kind.UNSETTLED
         # An orbit is reported when it has recurred for long.
@@ -283,9 +283,9 @@ def test_shares_scatter_as_their_errors_say(alpha):
 def test_labels_of_the_catalogue_are_those_of_its_search():
     """Following the same initial conditions once more gives the same labels."""
     parameters = Parameters(alpha=0.505)
-    starts = Plane().draw(parameters, 200, 6)
-    catalogue = find_attractors(parameters, starts, hold=10_000)
-    assert np.array_equal(catalogue.label(starts)['label'], catalogue.labels)
+    initial = Plane().draw(parameters, 200, 6)
+    catalogue = find_attractors(parameters, initial, hold=10_000)
+    assert np.array_equal(catalogue.label(initial)['label'], catalogue.labels)
     # An orbit that is added later gets the last label.
     orbit = catalogue.orbits[0]
     fewer = dataclasses.replace(catalogue, orbits=catalogue.orbits[1:])

@@ -21,8 +21,8 @@ CONSERVING = Parameters(0.1, 0.0, 0.0, 1.0)
 
 def level_of(parameters: Parameters, **settings) -> Level:
     """Return a level of the plane."""
-    starts = PLANE.cells(parameters, slice(0, EDGE), slice(0, EDGE))
-    return Level(starts, (EDGE, EDGE), CAP, **settings)
+    initial = PLANE.cells(parameters, slice(0, EDGE), slice(0, EDGE))
+    return Level(initial, (EDGE, EDGE), CAP, **settings)
 
 
 @pytest.fixture(scope='module')

@@ -126,10 +126,10 @@ def test_chaos_reported_early_is_chaos(alpha: float) -> None:
                 if picture.plane.phases == 400]
     catalogue = fine.catalogue
     assert catalogue.stay < 128 and fine.share(UNSETTLED) < 0.001
-    starts = fine.plane.cells(catalogue.parameters, slice(0, 400), slice(0, 400))
-    starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
+    initial = fine.plane.cells(catalogue.parameters, slice(0, 400), slice(0, 400))
+    initial['displacement'] = np.where(initial['velocity'] < 0.0, -1.0, 0.0)
     certain = dataclasses.replace(catalogue, stay=1024).label(
-        starts, 20_000)['label'].reshape(400, 400)
+        initial, 20_000)['label'].reshape(400, 400)
     compared = (certain != UNSETTLED) & (fine.labels != UNSETTLED)
     assert compared.mean() > 0.99
     assert np.array_equal(fine.labels[compared], certain[compared])

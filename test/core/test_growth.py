@@ -5,23 +5,23 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.flight.lanes import new_tiles, START
+from gear_rattle_ros.core.flight.lanes import INITIAL, new_tiles
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.growth import grow
 from gear_rattle_ros.core.model import Parameters, State
 
 
-def exponents(starts: np.ndarray, count: int) -> np.ndarray:
+def exponents(initial: np.ndarray, count: int) -> np.ndarray:
     """Follow initial conditions for `count` impacts."""
-    result = np.full(len(starts), 7.0)
-    grow(new_tiles(1)[0], starts, count, result)
+    result = np.full(len(initial), 7.0)
+    grow(new_tiles(1)[0], initial, count, result)
     return result
 
 
 def make(parameters: Parameters, states: list[tuple[float, float, float]]) -> np.ndarray:
     """Put states and parameters together."""
     values = (parameters.alpha, parameters.beta, parameters.gamma, parameters.restitution)
-    return np.array([(*state, *values) for state in states], START)
+    return np.array([(*state, *values) for state in states], INITIAL)
 
 
 @pytest.mark.parametrize('alpha, r, count', [

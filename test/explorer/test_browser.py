@@ -113,10 +113,10 @@ def test_wheel_zooms_and_every_cell_is_computed_afresh(tab: Tab) -> None:
     # A finer picture of the same window may have come meanwhile.
     size = math.isqrt(labels.size)
     plane = Plane(0.0, after[:2], after[2:], size, size)
-    starts = plane.cells(parameters, slice(0, size), slice(0, size))[::97]
+    initial = plane.cells(parameters, slice(0, size), slice(0, size))[::97]
     catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 4),
                                 chaotic=False)
-    theirs = catalogue.label(starts, CAP)
+    theirs = catalogue.label(initial, CAP)
     # The browser knows where its window begins and how wide it is; its end may differ by an ulp.
     assert np.mean(labels[::97] == theirs['label']) > 0.995
 

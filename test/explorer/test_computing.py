@@ -140,9 +140,9 @@ def test_exponents_are_those_of_the_cells() -> None:
     """Of all cells, whatever was shown before they were computed."""
     view = View(Parameters(alpha=0.57), kind=EXPONENTS)
     picture = until(view, 100)
-    starts = view.plane(picture.cells).cells(
+    initial = view.plane(picture.cells).cells(
         view.parameters, slice(0, picture.cells), slice(0, picture.cells))
-    expected = finite_time_exponents(starts, SPAN).astype(np.float32)
+    expected = finite_time_exponents(initial, SPAN).astype(np.float32)
     assert picture.exponents is not None
     np.testing.assert_array_equal(picture.exponents.ravel(), expected)
 

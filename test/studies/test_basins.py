@@ -79,11 +79,11 @@ def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, ti
     assert np.array_equal(again, label)
 
 
-def followed(start):
+def followed(state):
     """Follow an initial condition by the scalar simulation and the live detector."""
     simulation = Simulation(
-        Parameters(*(float(start[name]) for name in ('alpha', 'beta', 'gamma', 'restitution'))),
-        State(0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+        Parameters(*(float(state[name]) for name in ('alpha', 'beta', 'gamma', 'restitution'))),
+        State(0, float(state['phase']), float(state['displacement']), float(state['velocity'])))
     detector, sticks = TransientDetector(), 0
     while detector.report.regime is Regime.TRANSIENT and simulation.impacts < 20_000:
         events = simulation.advance(simulation.moment[0] + 100, 0.0, 2000)
@@ -95,13 +95,13 @@ def followed(start):
 def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
     """A sample, with those that chatter: the scalar core finds the same."""
     _, label, lifetime, attractors = reference
-    starts = PLANE.cells(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
+    initial = PLANE.cells(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
     label, lifetime = label.ravel(), lifetime.ravel()
-    slow = np.flatnonzero(np.abs(starts['velocity']) < 0.06)
-    sample = np.unique(np.concatenate([slow[::2], np.arange(0, len(starts), 29)]))
+    slow = np.flatnonzero(np.abs(initial['velocity']) < 0.06)
+    sample = np.unique(np.concatenate([slow[::2], np.arange(0, len(initial), 29)]))
     chattered = short = same = 0
     for number in sample:
-        report, sticks = followed(starts[number])
+        report, sticks = followed(initial[number])
         attractor = attractors[label[number]]
         agrees = (report.period_impacts, report.period_drive) == (
             attractor.impacts, attractor.drive_periods)
@@ -109,7 +109,7 @@ def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
         # In a longer transient a difference in the last bit grows to decide where it ends; to
         # stick forgets it.
         if report.lifetime < 60 or sticks:
-            assert agrees, starts[number]
+            assert agrees, initial[number]
             # A label asks for the flight time of the impact with which it begins alone.
             assert abs(report.lifetime - lifetime[number]) <= 4
             chattered += sticks > 0
@@ -146,8 +146,8 @@ def test_the_symmetric_model_has_mirrored_basins(tmp_path):
 def test_refilled_lanes_lose_and_repeat_nothing():
     """A thousand initial conditions through 64 lanes give what each gives alone."""
     parameters = Parameters(alpha=0.52)
-    starts = PLANE.draw(parameters, 1000, 3)
-    table = find_attractors(parameters, starts[:100], hold=3000).table
+    initial = PLANE.draw(parameters, 1000, 3)
+    table = find_attractors(parameters, initial[:100], hold=3000).table
     tile = new_tiles(1)[0]
 
     def settled(some):
@@ -156,13 +156,13 @@ def test_refilled_lanes_lose_and_repeat_nothing():
         made = classify(tile, some, 400, table, results)
         return results, made
 
-    together, made = settled(starts)
+    together, made = settled(initial)
     assert made >= together['impacts'].sum() > 0
     for number in range(0, 1000, 9):
-        alone, _ = settled(starts[number:number + 1])
+        alone, _ = settled(initial[number:number + 1])
         assert alone['label'][0] == together['label'][number]
         assert alone['lifetime'][0] == together['lifetime'][number]
-    backwards, _ = settled(starts[::-1].copy())
+    backwards, _ = settled(initial[::-1].copy())
     assert np.array_equal(backwards['label'][::-1], together['label'])
     assert np.array_equal(backwards['lifetime'][::-1], together['lifetime'])
 

@@ -26,8 +26,8 @@ B, G, R = 0.1, 0.1, 0.9
 
 def orbits_of(parameters, trajectories=64):
     """Find the stable orbits."""
-    starts = Plane().draw(parameters, trajectories, 1)
-    return list(find_attractors(parameters, starts, hold=5000, chaotic=False).orbits)
+    initial = Plane().draw(parameters, trajectories, 1)
+    return list(find_attractors(parameters, initial, hold=5000, chaotic=False).orbits)
 
 
 def orbits_at(alpha):
@@ -334,8 +334,8 @@ def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
     # Below it trajectories stay chaotic, above they all settle on the orbit.
     for side, settled in ((-2e-5, 0), (2e-5, LANES)):
         parameters = Parameters(alpha=alpha + side)
-        starts = Plane().draw(parameters, LANES, 5)
-        rows, _ = record_impacts(starts, 60_000, 256)
+        initial = Plane().draw(parameters, LANES, 5)
+        rows, _ = record_impacts(initial, 60_000, 256)
         orbits = [find_orbit(parameters, row, 64, 1e-6) for row in rows]
         assert sum(o is not None and o.impacts == 5 for o in orbits) == settled
 

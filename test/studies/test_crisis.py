@@ -31,9 +31,9 @@ def boundary():
 def escapes_at(boundary, alpha, trajectories, limit):
     """Time escapes at an alpha."""
     parameters = Parameters(alpha=alpha)
-    starts = Plane().draw(parameters, trajectories, 5)
+    initial = Plane().draw(parameters, trajectories, 5)
     return last_until_captured(
-        new_tiles(1)[0], starts, boundary.at(alpha).captor.points, radius_of(boundary), 300,
+        new_tiles(1)[0], initial, boundary.at(alpha).captor.points, radius_of(boundary), 300,
         trajectories, limit)[:2]
 
 
@@ -108,11 +108,11 @@ def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
 
 def test_enough_escapes_stop_all_and_give_the_same_rate(boundary):
     parameters, here = Parameters(alpha=1.25), boundary.at(1.25)
-    starts = Plane(displacement=-0.5).draw(parameters, 2000, 6)
+    initial = Plane(displacement=-0.5).draw(parameters, 2000, 6)
     rates = []
     for wanted in (300, 2000):
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], starts, here.captor.points, radius_of(here), 300, wanted, 10**7)
+            new_tiles(1)[0], initial, here.captor.points, radius_of(here), 300, wanted, 10**7)
         begun = fates != UNUSED
         assert begun.all() == (wanted == 2000) and np.all(lifetimes[~begun] == 0)
         rates.append(escape_rate(lifetimes[begun], fates[begun] != CAPTURED, 300))

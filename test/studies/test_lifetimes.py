@@ -70,9 +70,9 @@ def estimates(parameters, plane, cap, seeds, count):
     table = find_attractors(parameters, plane.draw(parameters, 64, 1), hold=4000,
                             chaotic=False).table
     for seed in seeds:
-        starts, results = plane.draw(parameters, count, seed), np.zeros(count, RESULT)
-        follow_here(starts, cap, table, results)
-        counts, censored, merged = tally([(starts, results)], table, cap)
+        initial, results = plane.draw(parameters, count, seed), np.zeros(count, RESULT)
+        follow_here(initial, cap, table, results)
+        counts, censored, merged = tally([(initial, results)], table, cap)
         yield estimate_escape(counts[0], int(censored[0]), cap // 10, merged)
 
 
@@ -122,12 +122,12 @@ def test_a_shared_trajectory_without_an_end_has_the_error_of_one():
 def test_sticks_are_those_of_the_simulator(parameters):
     """Impacts until the gear first sticks, and the phase at which it leaves, to the bit."""
     plane = Plane(velocity=(-0.1, 0.1), phases=6, velocities=5)
-    starts, results = plane.cells(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
-    follow_here(starts, 400, Catalogue(parameters).table, results)
+    initial, results = plane.cells(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
+    follow_here(initial, 400, Catalogue(parameters).table, results)
     stuck = 0
-    for start, result in zip(starts, results, strict=True):
+    for state, result in zip(initial, results, strict=True):
         events = Simulation(parameters, State(
-            0, start['phase'], start['displacement'], start['velocity'])).advance(400, 0.0, 2000)
+            0, state['phase'], state['displacement'], state['velocity'])).advance(400, 0.0, 2000)
         impacts = np.cumsum(events['kind'] <= EventKind.STICK)
         release = np.flatnonzero((events['kind'] == EventKind.RELEASE) & (impacts <= 400))
         if len(release):

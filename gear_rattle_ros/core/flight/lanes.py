@@ -4,14 +4,14 @@ Many trajectories at once, one lane of a tile each.
 A consumer, itself a kernel, keeps a tile per thread::
 
     impacts = new_impacts(STEPS)
-    following = refill(tile, starts, 0, math.inf)
-    while following < len(starts) or is_busy(tile):
+    following = refill(tile, initial, 0, math.inf)
+    while following < len(initial) or is_busy(tile):
         advance(tile, impacts, STEPS)
         for i in range(LANES):
             # ... look at impacts[i, :tile.count[i]], tile.end[i], tile.left[i] ...
             # ... write the answer for initial condition tile.number[i], then:
             release(tile, i)
-        following = refill(tile, starts, following, math.inf)
+        following = refill(tile, initial, following, math.inf)
 
 Lanes do not wait for each other. A lane's impacts depend on its initial condition alone, not on
 the tile, the neighbours or the cuts.
@@ -52,7 +52,7 @@ RESTS: Final = 1
 FLOATS: Final = 2
 
 # Initial condition and parameters of a trajectory.
-START: Final = np.dtype([
+INITIAL: Final = np.dtype([
     ('phase', np.float64), ('displacement', np.float64), ('velocity', np.float64),
     ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
     ('restitution', np.float64),
@@ -72,7 +72,7 @@ def new_tiles(count: int) -> RecordArray:
     room = np.zeros(count * TILE.itemsize + CACHE_LINE, np.uint8)
     first = -room.ctypes.data % CACHE_LINE
     tiles = room[first:first + count * TILE.itemsize].view(TILE)
-    tiles['start'] = EMPTY
+    tiles['number'] = EMPTY
     return tiles
 
 
@@ -134,23 +134,23 @@ def begin(tile: Record, i: int, cycle: int, phase: float, displacement: float, v
 @kernel
 def release(tile: Record, i: int) -> None:
     """Free a lane whose trajectory is finished."""
-    tile.start[i] = EMPTY
+    tile.number[i] = EMPTY
     tile.left[i] = 0.0
 
 
 @kernel
-def refill(tile: Record, starts: RecordArray, following: int, left: float) -> int:
+def refill(tile: Record, initial: RecordArray, following: int, left: float) -> int:
     """Put initial conditions from `following` on into free lanes; return the first left."""
     for i in range(LANES):
-        if following == len(starts):
+        if following == len(initial):
             break
-        if tile.start[i] != EMPTY:
+        if tile.number[i] != EMPTY:
             continue
-        start = starts[following]
-        tile.start[i] = following
-        tile.alpha[i], tile.beta[i] = start.alpha, start.beta
-        tile.gamma[i], tile.restitution[i] = start.gamma, start.restitution
-        begin(tile, i, 0, start.phase, start.displacement, start.velocity, left)
+        origin = initial[following]
+        tile.number[i] = following
+        tile.alpha[i], tile.beta[i] = origin.alpha, origin.beta
+        tile.gamma[i], tile.restitution[i] = origin.gamma, origin.restitution
+        begin(tile, i, 0, origin.phase, origin.displacement, origin.velocity, left)
         following += 1
     return following
 
@@ -159,7 +159,7 @@ def refill(tile: Record, starts: RecordArray, following: int, left: float) -> in
 def is_busy(tile: Record) -> bool:
     """Whether any lane carries a trajectory; it may have parked or ended."""
     for i in range(LANES):
-        if tile.start[i] != EMPTY:
+        if tile.number[i] != EMPTY:
             return True
     return False
 

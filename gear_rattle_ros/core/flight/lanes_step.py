@@ -62,7 +62,7 @@ TILE: Final = np.dtype([
     ('is_special', np.int64, LANES),
     # Impacts of the latest `advance`; number of the initial condition that the lane follows,
     # EMPTY for none; why it has ended.
-    ('count', np.int64, LANES), ('start', np.int64, LANES), ('end', np.int64, LANES),
+    ('count', np.int64, LANES), ('number', np.int64, LANES), ('end', np.int64, LANES),
 ], align=True)
 
 

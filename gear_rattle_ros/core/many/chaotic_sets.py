@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .recorded import record_impacts, starts_after
+from .recorded import initial_after, record_impacts
 from .settling import BOXES, cell_of, RecordArray
 from ..arrays import FloatArray, IntArray, Record, Whole
 from ..compiled import kernel
@@ -103,14 +103,14 @@ class ChaoticSet:
         return count_pieces(rows_from(self.origin))
 
 
-def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
+def chaotic_sets(parameters: Parameters, initial: RecordArray, length: int, effort: Effort,
                  tolerance: float) -> list[ChaoticSet]:
     """
     Find the sets on which trajectories past their transients move, in order of names.
 
     Each is followed for `length` impacts; impacts within `tolerance` [1] recur.
     """
-    rows, made = record_impacts(starts, 0, length)
+    rows, made = record_impacts(initial, 0, length)
     whole = made == length
     if not np.any(whole):
         return []
@@ -142,12 +142,12 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
         if not on:
             continue
         last = rows[on, -1]
-        states = starts_after(parameters, last['phase'], last['velocity'])
+        states = initial_after(parameters, last['phase'], last['velocity'])
         boxes = hit[members].any(axis=0).repeat(BOXES // edge, 1).repeat(BOXES // edge, 2)
         # Those that have come to rest have left, too.
         sets.append(ChaoticSet(boxes, speed, states, len(on) * length,
                                recurs[on] | (len(on) < len(members)), name,
-                               starts_from(orbit) if orbit else states,
+                               initial_from(orbit) if orbit else states,
                                averages(parameters, states[0], effort.averaged)))
     return sets
 
@@ -175,8 +175,8 @@ def enough_of(parameters: Parameters, rows: RecordArray) -> RecordArray:
     if rows.shape[1] >= each:
         return np.ascontiguousarray(rows[:, :each])
     last = rows[:, -1]
-    starts = starts_after(parameters, last['phase'], last['velocity'])
-    more, made = record_impacts(fill_lanes(starts), 0, NAMED // LANES)
+    initial = initial_after(parameters, last['phase'], last['velocity'])
+    more, made = record_impacts(fill_lanes(initial), 0, NAMED // LANES)
     return more if np.all(made == more.shape[1]) else rows
 
 
@@ -192,7 +192,7 @@ def shortest_orbit(parameters: Parameters, rows: RecordArray) -> Orbit | None:
                 orbit.drive_periods, orbit.walls[0], orbit.phases[0])):
             seen = least_share(rows, orbit)
             if seen >= CERTAIN * VISITED or seen > 0.0 and least_share(
-                    rows_from(starts_from(orbit)), orbit) >= VISITED:
+                    rows_from(initial_from(orbit)), orbit) >= VISITED:
                 return orbit
     return None
 
@@ -224,14 +224,14 @@ def least_share(rows: RecordArray, orbit: Orbit) -> float:
     return fewest / max(1, rows.size)
 
 
-def starts_from(orbit: Orbit) -> RecordArray:
+def initial_from(orbit: Orbit) -> RecordArray:
     """Return the impacts of an orbit as INITIAL: the same to the bit, however it was found."""
-    return starts_after(orbit.parameters, *np.round(orbit.points, DIGITS).T)
+    return initial_after(orbit.parameters, *np.round(orbit.points, DIGITS).T)
 
 
-def rows_from(starts: RecordArray) -> RecordArray:
+def rows_from(initial: RecordArray) -> RecordArray:
     """Follow initial conditions in all lanes; return only trajectories that do not end."""
-    rows, made = record_impacts(fill_lanes(starts), LEADS_AWAY, DECIDED // LANES)
+    rows, made = record_impacts(fill_lanes(initial), LEADS_AWAY, DECIDED // LANES)
     return rows[made == rows.shape[1]]
 
 
@@ -267,10 +267,10 @@ def visits(rows: Record, phase: float, velocity: float, most: float) -> int:
     return count
 
 
-def averages(parameters: Parameters, start: np.void, impacts: int) -> LyapunovReport:
+def averages(parameters: Parameters, state: np.void, impacts: int) -> LyapunovReport:
     """Average exponents along one trajectory."""
     simulation = Simulation(parameters, State(
-        0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+        0, float(state['phase']), float(state['displacement']), float(state['velocity'])))
     running = RunningLyapunov()
     while simulation.impacts < impacts and not simulation.is_permanently_at_rest:
         cycle, _ = simulation.moment

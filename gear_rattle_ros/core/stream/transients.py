@@ -547,8 +547,8 @@ class TransientDetector:
             return False
         # Each may be off the orbit by the tolerance.
         near = 2.0 * self._tolerance
-        starts = np.flatnonzero(_distances(b, np.repeat(a[:1], len(b))) <= near)
-        return any(float(np.max(_distances(a, np.roll(b, -k)))) <= near for k in starts)
+        lags = np.flatnonzero(_distances(b, np.repeat(a[:1], len(b))) <= near)
+        return any(float(np.max(_distances(a, np.roll(b, -k)))) <= near for k in lags)
 
     def _past(self, count: int) -> RecordArray:
         # Oldest first; the very first impact of a stretch has no flight time.
