@@ -175,7 +175,7 @@ def test_overrides_that_are_none(ros: list[str], words: str, capfd) -> None:
     """One line that names the value, with the form where it is that which is wrong."""
     line = taken(ros)
     assert words in line and '\n' not in line and len(line) < 300
-    # Of a very long argument rcl says that it is too long for it.
+    # rcl refuses a very long argument for its length.
     assert '/src/' not in line and ('[[' in line or capfd.readouterr() == ('', ''))
 
 

@@ -154,7 +154,7 @@ def test_latched_topics_wait_for_their_readers(
     spin(lambda: len(found) >= len(messages))
     assert process.process.returncode == 0
     assert found == messages
-    assert not set(others) & set(messages), 'what others said of themselves is not said again'
+    assert not set(others) & set(messages), 'what others reported of themselves is not repeated'
 
 
 def test_bad_input_is_refused_in_one_line(start, bag: Path) -> None:

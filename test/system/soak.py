@@ -223,14 +223,14 @@ class Soak:
                 yield f'{name} reports {found} impacts, the simulator {impacts}'
         for name in ('lyapunov', 'simulator'):
             if int(said[name]['epoch']) != self.changes:
-                yield f'{name} says epoch {said[name]["epoch"]} after {self.changes} changes'
+                yield f'{name} reports epoch {said[name]["epoch"]} after {self.changes} changes'
         for name, value in self.values.items():
             if float(simulator[name]) != value:
-                yield f'the simulator says {name} = {simulator[name]} instead of {value!r}'
+                yield f'the simulator reports {name} = {simulator[name]} instead of {value!r}'
         for name in NODES[1:]:
             for key in ('gaps', 'lost_impacts', 'restarts', 'refused_batches', 'messages_lost'):
                 if int(said[name].get(key, 0)):
-                    yield f'{name} says {key} = {said[name][key]}'
+                    yield f'{name} reports {key} = {said[name][key]}'
 
     def check_bag(self) -> None:
         """Compare the bag with what was reported."""
@@ -241,7 +241,8 @@ class Soak:
         said = int(self.watch.said['simulator']['impacts'])
         self.expect(pieces == 1 and guard.first_index == 0,
                     f'the bag has {guard.gaps} gaps, {guard.lost} impacts lost')
-        self.expect(impacts == said, f'the bag has {impacts} impacts, the simulator said {said}')
+        self.expect(impacts == said,
+                    f'the bag has {impacts} impacts, the simulator reported {said}')
         print(f'bag: {impacts} impacts, {self.bag_size() / max(impacts, 1):.1f} bytes each, '
               f'{guard.gaps} gaps', flush=True)
         if 'verify' in EXECUTABLES:
