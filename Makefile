@@ -44,14 +44,14 @@ run: $(VENV)/run.stamp
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 
-# Computing goes side by side, nodes one test at a time; 5 is that ARGS leave none of them.
+# Computing runs in parallel, nodes one test at a time; status 5 means that ARGS select no test.
 test-long: $(VENV)/test.stamp
 	@status=0; for part in '-n 2 --dist worksteal $(COMPUTING)' \
 		'$(COMPUTING:%=--ignore=%)'; \
 	do $(BIN)/python -m pytest -m long $$part $(ARGS) || test $$? = 5 || status=1; done; \
 	exit $$status
 
-# All of them run, whatever the first has to say.
+# All of them run, even if the first fails.
 lint: $(VENV)/test.stamp
 	@status=0; for check in \
 		'ruff check $(SOURCES)' \

@@ -31,7 +31,7 @@ class InstallData(install_data):
     Install the data files and, with pip, the launchers that `ros2 run` looks for.
 
     setup.cfg makes colcon put the executables into lib/gear_rattle_ros themselves; pip puts them
-    into bin/ whatever setup.cfg says.
+    into bin/ regardless of setup.cfg.
     """
 
     def run(self):

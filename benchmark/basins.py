@@ -5,9 +5,8 @@ Prints rows of a Markdown table. The parts, each also alone by --only: the first
 compiles, and the second (`start`); both grids (`basin`, `lifetimes`); one thread and two beside a
 control that does nothing but arithmetic (`threads`); a hundredth of a very large basin, with its
 memory (`strip`); and the labels that heyoka (Taylor series with events) and scipy's solve_ivp give
-on coarser grids, compared one by one, with a sample of the starts decided in 50 digits (`peers`).
-heyoka wants an environment of its own: name its python in HEYOKA_PYTHON. What is not installed is
-skipped.
+on coarser grids, compared one by one, with a sample of them decided in 50 digits (`peers`). heyoka
+needs a separate environment: name its python in HEYOKA_PYTHON. What is not installed is skipped.
 """
 
 import argparse
@@ -30,10 +29,9 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.store.store import open_dataset
 
 PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')
-# Options of a tool, target [s].
-GRIDS = {'basins': (['--alpha', '0.48'], 3.0),
-         'lifetimes': (['--alpha', '1.244', '--cap', '5000'], 25.0)}
-# Impacts of each start by a peer.
+# Options of a tool.
+GRIDS = {'basins': ['--alpha', '0.48'], 'lifetimes': ['--alpha', '1.244', '--cap', '5000']}
+# Impacts for which a peer follows each initial condition.
 IMPACTS = {'heyoka': 400, 'scipy': 250}
 TURNS = 2
 ARITHMETIC = 150_000_000
@@ -63,24 +61,23 @@ def run(tool: str, store: Path, *options: str, cache: Path | None = None) -> tup
     return float(seconds), float(peak)
 
 
-def starts_of_processes(folder: Path) -> Iterator[Row]:
+def first_and_second(folder: Path) -> Iterator[Row]:
     """Time the first start ever and the second."""
-    for words, target in (('first start ever, which compiles', '-'),
-                          ('second start', 'target 2 s')):
+    for words in ('first start ever, which compiles', 'second start'):
         seconds, _ = run('basins', folder / f'{words[:5]}.zarr', '--size', '20',
                          cache=folder / 'cache')
-        yield f'basins 20 x 20, {words}', f'{seconds:.2f} s', target, 'start'
+        yield f'basins 20 x 20, {words}', f'{seconds:.2f} s', '-', 'start'
 
 
 def whole(tool: str, folder: Path, size: int) -> Iterator[Row]:
     """Time a grid from start to disk."""
-    options, target = GRIDS[tool]
+    options = GRIDS[tool]
     stores = [folder / f'{tool}-{turn}.zarr' for turn in range(TURNS)]
     seconds = min(run(tool, store, '--size', str(size), *options)[0] for store in stores)
     impacts = int(open_dataset(stores[-1])['lifetime'].values.astype(np.int64).sum())
     yield (f'{tool} {size} x {size}, {" ".join(options)}: {impacts / 1e6:,.1f} million impacts of '
-           'transients', f'{seconds:.2f} s from start to Zarr',
-           f'target {target:g} s for 400 x 400', tool if tool == 'lifetimes' else 'basin')
+           'transients', f'{seconds:.2f} s from start to Zarr', '-',
+           tool if tool == 'lifetimes' else 'basin')
 
 
 @numba.njit(nogil=True)
@@ -107,7 +104,7 @@ def control(threads: int) -> float:
 def computing(size: int) -> Iterator[Row]:
     """Time the computing alone, with one thread and with two, beside the control."""
     plane = Plane(phases=size, velocities=size)
-    starts = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
+    initial = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
     draws = plane.draw(PARAMETERS, 1000, 1)
     arithmetic(1)
     best, plain = {1: np.inf, 2: np.inf}, {1: np.inf, 2: np.inf}
@@ -115,18 +112,18 @@ def computing(size: int) -> Iterator[Row]:
         for threads in (1, 2):
             begin = time.perf_counter()
             catalogue = find_attractors(PARAMETERS, draws, threads=threads)
-            catalogue.label(starts, 20_000, threads=threads)
+            catalogue.label(initial, 20_000, threads=threads)
             best[threads] = min(best[threads], time.perf_counter() - begin)
             plain[threads] = min(plain[threads], control(threads))
     what = f'basins {size} x {size}, search and grid computed'
-    yield f'{what}, two threads', f'{best[2]:.2f} s', 'target 1.5 s for 400 x 400', 'threads'
+    yield f'{what}, two threads', f'{best[2]:.2f} s', '-', 'threads'
     yield (f'{what}, one thread',
            f'{best[1]:.2f} s: two are {best[1] / best[2]:.2f} times as fast',
            f'plain arithmetic in the same turns: {plain[1] / plain[2]:.2f} times', 'threads')
 
 
 def strip(folder: Path, size: int) -> Iterator[Row]:
-    """Compute a hundredth of a very large basin; tell its memory and project its time."""
+    """Compute a hundredth of a very large basin; report its memory and project its time."""
     rows = max(size // 100, 1)
     seconds, peak = run('basins', folder / 'strip.zarr', '--size', str(size), str(rows),
                         '--velocity', '-0.02', '0.02', '--tile', '500')
@@ -145,7 +142,7 @@ def peers(folder: Path, sizes: dict[str, int], sample: int, picture: Path) -> It
             continue
         found = grids[peer] = compare(peer, python, size, IMPACTS[peer], folder)
         impacts = size * size * IMPACTS[peer] / found.their_seconds
-        yield (f'labels of {size} x {size} starts at alpha 0.48', f'{found.our_seconds:.4f} s',
+        yield (f'labels of {size} x {size} cells at alpha 0.48', f'{found.our_seconds:.4f} s',
                f'{peer}: {found.their_seconds:.2f} s, '
                f'{found.their_seconds / found.our_seconds:,.0f} times as long; at most '
                f'{impacts:,.0f} impacts/s', 'peers')
@@ -153,7 +150,7 @@ def peers(folder: Path, sizes: dict[str, int], sample: int, picture: Path) -> It
             if not np.any(chosen):
                 continue
             count, ours, theirs = decide(found, chosen, sample)
-            yield (f'{peer} has {words}: {np.mean(chosen):.1%} of the starts, median lifetime '
+            yield (f'{peer} has {words}: {np.mean(chosen):.1%} of the cells, median lifetime '
                    f'{np.median(found.lifetimes[chosen]):.0f} impacts',
                    f'right here: {ours} of {count} in 50 digits', f'{peer} right: {theirs}',
                    'peers')
@@ -173,7 +170,7 @@ def main() -> None:
                               ('strip', 20_000, 'cells along an edge of the very large basin'),
                               ('heyoka', 50, 'cells along an edge for heyoka; 0 for none'),
                               ('scipy', 12, 'cells along an edge for scipy; 0 for none'),
-                              ('sample', 8, 'starts of a kind decided in 50 digits')):
+                              ('sample', 8, 'cells of a kind decided in 50 digits')):
         parser.add_argument(f'--{name}', type=int, default=size, metavar='N',
                             help=f'{words}; {size} by default')
     parser.add_argument('--picture', type=Path, default=Path(tempfile.gettempdir())
@@ -182,7 +179,7 @@ def main() -> None:
     sizes = {peer: size for peer in IMPACTS if (size := getattr(given, peer))}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        parts = {'start': starts_of_processes(folder),
+        parts = {'start': first_and_second(folder),
                  'basin': whole('basins', folder, given.size),
                  'lifetimes': whole('lifetimes', folder, given.size),
                  'threads': computing(given.size),

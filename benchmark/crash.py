@@ -5,8 +5,8 @@ The simulator publishes without pause; a recorder is killed 0.2 to 4 s after its
 again and again. Every impact that was sent more than a second before the kill must be in the bag
 it leaves, without a hole and bit for bit what follows from the one before, and `recover` must make
 of it a bag with an index and the same impacts. Exit status 1 if not. A reader beside it that does
-nothing shows whether the machine lets anybody read in time; if it does not, how old the lost
-impacts are is told, not judged.
+nothing shows whether the machine lets anybody read in time; if it does not, the age of the lost
+impacts is reported, not judged.
 Run: make bench, or python benchmark/crash.py [kills [drive periods per second]]
 """
 
@@ -76,7 +76,7 @@ class Witness:
         return max(index for sent, index in list(self.sent) if sent < before)
 
     def sent_behind(self, index: int) -> int | None:
-        """Return when the first impact behind a number was sent [ns]."""
+        """Return when the first impact after a number was sent [ns]."""
         return min((sent for sent, last in list(self.sent) if last > index), default=None)
 
     def _receive(self, data: bytes, info: Mapping[str, Any]) -> None:
@@ -134,7 +134,7 @@ def kill_one(witness: Witness, directory: Path, pause: float) -> tuple[str, str]
 
 
 def main() -> int:
-    """Kill so many recorders; exit status 1 if the promise was ever broken."""
+    """Kill recorders again and again; exit status 1 if the promise was ever broken."""
     kills = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     directory = Path(tempfile.mkdtemp(prefix='crash_'))

@@ -1,5 +1,5 @@
 """
-The boundary crisis found again by programs of another kind.
+The boundary crisis, located by programs of another kind.
 
 The place where the manifolds of the saddle touch: scipy's DOP853 with events integrates eq. (3)
 itself, finds the saddle by Newton's method with differences, and follows its unstable manifold.
@@ -56,7 +56,7 @@ def next_impact(phase, velocity, wall, alpha):  # type: ignore[no-untyped-def]
 
 
 def after(point, wall, count, alpha):  # type: ignore[no-untyped-def]
-    """Follow so many impacts."""
+    """Follow a number of impacts."""
     phase, velocity = point
     for _ in range(count):
         phase, velocity, wall = next_impact(phase, velocity, wall, alpha)
@@ -169,14 +169,14 @@ def compare_escapes(boundary: Boundary, scan: ctypes.CDLL) -> None:
     print(f'{"alpha":>10s}  {"scan in C":38s}  {"lanes":38s}')
     for alpha in ALPHAS:
         parameters = Parameters(alpha=alpha)
-        starts = Plane(displacement=-0.5).draw(parameters, TRAJECTORIES, 11)
+        initial = Plane(displacement=-0.5).draw(parameters, TRAJECTORIES, 11)
         with ThreadPoolExecutor() as pool:
             peer = list(pool.map(lambda start, alpha=alpha: scan.escape(
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,
-                GAMMA, RESTITUTION, STEP), starts))
+                GAMMA, RESTITUTION, STEP), initial))
         here = boundary.at(alpha)
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], starts, here.captor.points, radius_of(here), SKIP, TRAJECTORIES,
+            new_tiles(1)[0], initial, here.captor.points, radius_of(here), SKIP, TRAJECTORIES,
             LIMIT)
         ours = np.where(fates == CAPTURED, lifetimes, -1)
         print(f'{alpha:10.7f}  {rate(peer):38s}  {rate(ours):38s}', flush=True)

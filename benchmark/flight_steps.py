@@ -1,8 +1,8 @@
 """
-The worst case of the search for one impact: random starts, then hill climbing on each.
+The worst case of the search for one impact: random states, then hill climbing from each.
 
 What is counted are evaluations of the flight. Over states and parameters up to the largest that
-the model takes; then from tangencies: starts on a wall, or between the walls, whose flights meet a
+the model takes; then from tangencies: states on a wall, or between the walls, whose flights meet a
 wall with no velocity and no force, where steps shrink without end. Four worst cases are printed
 beside the bound that doc/steps.md proves. The exit status is 1 where that bound, or `EMPIRICAL`,
 does not hold.
@@ -35,69 +35,69 @@ def proved_bound(d: float) -> int:
 
 
 @numba.njit
-def steps_of(start, longest):  # type: ignore[no-untyped-def]
+def steps_of(state, longest):  # type: ignore[no-untyped-def]
     """Return the evaluations of a search, and how far it has come."""
     d, effort, _, _ = search_impact(
-        0.0, 0, longest, start[0], start[1], start[2], Model(start[3], start[4], start[5], 1.0))
+        0.0, 0, longest, state[0], state[1], state[2], Model(state[3], state[4], state[5], 1.0))
     return effort, d
 
 
 @numba.njit
-def cost(start, longest, steps_a_time):  # type: ignore[no-untyped-def]
-    """Return what is to be made as large as can be."""
-    steps, d = steps_of(start, longest)
+def cost(state, longest, steps_a_time):  # type: ignore[no-untyped-def]
+    """Return what is to be made as large as possible."""
+    steps, d = steps_of(state, longest)
     return steps - steps_a_time * d
 
 
 @numba.njit
-def random_start():  # type: ignore[no-untyped-def]
-    """Return a start of any size, on a wall or between them."""
-    start = np.zeros(6)
-    start[0] = np.random.uniform(0.0, TWO_PI)
+def random_state():  # type: ignore[no-untyped-def]
+    """Return an initial condition of any size, on a wall or between them."""
+    state = np.zeros(6)
+    state[0] = np.random.uniform(0.0, TWO_PI)
     place = np.random.randint(4)
-    start[1] = -np.random.random() if place < 2 else 2.0 - place
-    start[2] = np.random.normal() * 10.0**np.random.uniform(-12.0, 4.0)
-    start[3] = 10.0**np.random.uniform(-3.0, 3.0) if np.random.random() < 0.9 else 0.0
-    start[4] = 10.0**np.random.uniform(-3.0, 2.0) if np.random.random() < 0.8 else 0.0
+    state[1] = -np.random.random() if place < 2 else 2.0 - place
+    state[2] = np.random.normal() * 10.0**np.random.uniform(-12.0, 4.0)
+    state[3] = 10.0**np.random.uniform(-3.0, 3.0) if np.random.random() < 0.9 else 0.0
+    state[4] = 10.0**np.random.uniform(-3.0, 2.0) if np.random.random() < 0.8 else 0.0
     if np.random.random() < 0.8:
-        start[5] = np.random.normal() * 10.0**np.random.uniform(-3.0, 2.0)
-    return start
+        state[5] = np.random.normal() * 10.0**np.random.uniform(-3.0, 2.0)
+    return state
 
 
 @numba.njit
-def tangent_start():  # type: ignore[no-untyped-def]
-    """Return a start whose flight nearly meets the upper wall without velocity and force."""
-    start = np.zeros(6)
-    start[3] = 10.0**np.random.uniform(-3.0, 3.0)
+def tangent_state():  # type: ignore[no-untyped-def]
+    """Return an initial condition whose flight nearly meets the upper wall with v = a = 0."""
+    state = np.zeros(6)
+    state[3] = 10.0**np.random.uniform(-3.0, 3.0)
     if np.random.random() < 0.5:
         # On the wall: without damping the displacement is about -alpha/24 t (T - t)^3.
         duration = 10.0**np.random.uniform(-8.0, -0.5)
-        start[0] = 0.5 * np.pi - 0.75 * duration
-        start[2] = -start[3] * duration**3 / 24.0
-        start[5] = start[3] * np.cos(0.25 * duration)
-        return start
+        state[0] = 0.5 * np.pi - 0.75 * duration
+        state[2] = -state[3] * duration**3 / 24.0
+        state[5] = state[3] * np.cos(0.25 * duration)
+        return state
     # Between the walls: back from the tangency by the closed form, which also holds for d < 0.
-    start[4] = 10.0**np.random.uniform(-3.0, 0.0) if np.random.random() < 0.5 else 0.0
-    amplitude = start[3] * np.sqrt(1.0 + start[4]**2)
-    start[5] = amplitude * np.random.uniform(-1.0, 1.0)
+    state[4] = 10.0**np.random.uniform(-3.0, 0.0) if np.random.random() < 0.5 else 0.0
+    amplitude = state[3] * np.sqrt(1.0 + state[4]**2)
+    state[5] = amplitude * np.random.uniform(-1.0, 1.0)
     # Where a(tau, 0) goes through zero upwards.
-    phase = np.pi - np.arcsin(start[5] / amplitude) + np.arctan(start[4])
+    phase = np.pi - np.arcsin(state[5] / amplitude) + np.arctan(state[4])
     back = 10.0**np.random.uniform(-3.0, 0.3)
-    moved, start[2], _, _ = displace(
-        -back, np.sin(phase), np.cos(phase), 0.0, Model(start[3], start[4], start[5], 1.0))
-    start[0] = (phase - back) % TWO_PI
-    start[1] = min(max(moved, -1.0), 0.0)
-    return start
+    moved, state[2], _, _ = displace(
+        -back, np.sin(phase), np.cos(phase), 0.0, Model(state[3], state[4], state[5], 1.0))
+    state[0] = (phase - back) % TWO_PI
+    state[1] = min(max(moved, -1.0), 0.0)
+    return state
 
 
 @numba.njit
-def neighbour(start):  # type: ignore[no-untyped-def]
-    """Return a start beside another, at a random distance of any size."""
-    other = start.copy()
+def neighbour(state):  # type: ignore[no-untyped-def]
+    """Return an initial condition beside another, at a random distance of any size."""
+    other = state.copy()
     size = 10.0**np.random.uniform(-15.0, 0.0)
     for j in range(6):
         if np.random.random() < 0.5:
-            scale = abs(start[j]) if j > 1 and np.random.random() < 0.8 else 1.0
+            scale = abs(state[j]) if j > 1 and np.random.random() < 0.8 else 1.0
             other[j] += np.random.normal() * size * scale
     other[0] %= TWO_PI
     other[1] = min(max(other[1], -1.0), 0.0)
@@ -110,32 +110,32 @@ def neighbour(start):  # type: ignore[no-untyped-def]
 
 @numba.njit
 def climb(seed, moves, longest, steps_a_time, is_tangent):  # type: ignore[no-untyped-def]
-    """Return the worst start that is found from the worst of fifty random ones."""
+    """Return the worst initial condition that is found from the worst of fifty random ones."""
     np.random.seed(seed)
-    best = tangent_start() if is_tangent else random_start()
+    best = tangent_state() if is_tangent else random_state()
     worst = cost(best, longest, steps_a_time)
     for k in range(50 + moves):
         if k >= 50:
             other = neighbour(best)
         else:
-            other = tangent_start() if is_tangent else random_start()
+            other = tangent_state() if is_tangent else random_state()
         found = cost(other, longest, steps_a_time)
         if found >= worst:
             best, worst = other, found
     return worst, best
 
 
-def worst_start(climbs: int, seed: int, longest: float, steps_a_time: float,
+def worst_state(climbs: int, seed: int, longest: float, steps_a_time: float,
                 is_tangent: bool) -> tuple[int, float, np.ndarray]:
-    """Return evaluations, time and start of the worst case of many climbs."""
+    """Return evaluations, time and initial condition of the worst case of many climbs."""
     found = [climb(seed * 1_000_003 + k, 3000, longest, steps_a_time, is_tangent)
              for k in range(climbs)]
-    start = max(found, key=lambda pair: pair[0])[1]
-    return *steps_of(start, longest), start
+    state = max(found, key=lambda pair: pair[0])[1]
+    return *steps_of(state, longest), state
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Search, print the worst cases, and tell whether the bounds hold."""
+    """Search, print the worst cases, and return 1 where the bounds do not hold."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').split('\n\n')[0])
     parser.add_argument('--climbs', type=int, default=40)
     parser.add_argument('--seed', type=int, default=1)
@@ -145,7 +145,7 @@ def main(arguments: list[str] | None = None) -> int:
             ('most evaluations in a flight of one period', TWO_PI, 0.0),
             ('most evaluations beyond 4 d, d up to 64 periods', LEG, PATIENCE_RATE)):
         for is_tangent in (False, True):
-            steps, d, start = worst_start(
+            steps, d, state = worst_state(
                 options.climbs, options.seed, longest, rate, is_tangent)
             proved = proved_bound(d)
             seen = math.floor(EMPIRICAL + PATIENCE_RATE * d)
@@ -153,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(f'{title}{", from tangencies" if is_tangent else ""}: {steps}, d = {d:.6g} '
                   f'(proved {proved}, empirical {seen})')
             print('  ' + ', '.join(
-                f'{name} {value!r}' for name, value in zip(NAMES, start.tolist(), strict=True)))
+                f'{name} {value!r}' for name, value in zip(NAMES, state.tolist(), strict=True)))
     return 0 if holds else 1
 
 

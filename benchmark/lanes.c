@@ -19,7 +19,7 @@ typedef struct {
     row aimed, aim_error, slowness, longest;
     row next_step, next_towards, next_displacement, next_velocity, next_sine, next_cosine;
     row sine_half, cosine_half, impact_velocity;
-    whole has_hit, is_special, count, start, end;
+    whole has_hit, is_special, count, number, end;
 } tile;
 
 typedef struct {

@@ -23,11 +23,11 @@ import numpy as np
 from gear_rattle_ros.core.arrays import RecordArray
 from gear_rattle_ros.core.flight.lanes import (
     advance,
+    INITIAL,
     new_impacts,
     new_tiles,
     NO_IMPACTS,
     refill,
-    START,
 )
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.flight.simulation import Simulation
@@ -40,7 +40,7 @@ STEPS = 60
 ROUNDS = 1e6
 FLAGS = ('-O3', '-march=native', '-mprefer-vector-width=512', '-fno-math-errno',
          '-fno-trapping-math', '-shared', '-fPIC', f'-DLANES={LANES}')
-# Features of processors that numba is told to leave aside.
+# Features of processors that numba is to leave aside.
 NO_AVX512 = '+avx2,+avx,+fma,+sse4.2'
 NO_AVX2 = '+sse4.2'
 Turn = Callable[[], None]
@@ -49,13 +49,13 @@ Turn = Callable[[], None]
 def filled_tiles(alpha: float) -> RecordArray:
     """Return a tile with the paper's parameters whose trajectories have been going for a while."""
     random = np.random.default_rng(1)
-    starts = np.zeros(LANES, START)
-    starts['phase'] = random.uniform(0.0, 2.0 * math.pi, LANES)
-    starts['velocity'] = random.uniform(-1.0, 0.0, LANES)
+    initial = np.zeros(LANES, INITIAL)
+    initial['phase'] = random.uniform(0.0, 2.0 * math.pi, LANES)
+    initial['velocity'] = random.uniform(-1.0, 0.0, LANES)
     for name, value in (('alpha', alpha), ('beta', 0.1), ('gamma', 0.1), ('restitution', 0.9)):
-        starts[name] = value
+        initial[name] = value
     tiles = new_tiles(1)
-    refill(tiles[0], starts, 0, math.inf)
+    refill(tiles[0], initial, 0, math.inf)
     advance(tiles[0], NO_IMPACTS, 5000)
     return tiles
 

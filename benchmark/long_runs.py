@@ -1,15 +1,15 @@
 """
 Statistics of long runs against independent integrators, at parameters far beyond the paper's.
 
-At each setting random starts are followed here and, other starts, by a peer: scipy's DOP853 and
+At each setting random states are followed here and, other ones, by a peer: scipy's DOP853 and
 heyoka's Taylor series, neither with a closed form of a flight or a rest. Every trajectory is
-sampled once, after a fixed number of impacts, and a permutation test says whether both samples are
-of one distribution. The p-values of all settings are judged together. The peer's starts are
+sampled once, after a fixed number of impacts, and a permutation test decides whether both samples
+are of one distribution. The p-values of all settings are judged together. The peer's states are
 followed here too, and impacts compared one by one as long as errors cannot have grown much.
 
 That the tests see wrong physics is tried on this package itself; --wrong tries it on the peers,
-and then ends with status 1. heyoka wants an environment of its own: name its python in
-HEYOKA_PYTHON. What is not installed is skipped, and said. Status 1 too where a peer disagrees.
+and then ends with status 1. heyoka needs a separate environment: name its python in HEYOKA_PYTHON.
+What is not installed is skipped with a message. Status 1 too where a peer disagrees.
 """
 
 import argparse
@@ -24,7 +24,7 @@ import time
 
 import numpy as np
 from peers.comparison import python_of
-from peers.samples import compare, own_rows, path_errors, random_starts, samples
+from peers.samples import compare, own_rows, path_errors, random_states, samples
 
 CHAINS = Path(__file__).with_name('peers') / 'chains.py'
 Array = np.ndarray
@@ -39,7 +39,7 @@ WRONG: dict[str, tuple[str, Callable[[Array], Array]]] = {
     'gamma': ('sign of gamma', lambda p: p * [1, 1, -1, 1]),
     'drive': ('drive 2 % stronger', lambda p: p * [1.02, 1, 1, 1]),
     'damping': ('beta 0.02 larger', lambda p: p + [0, 0.02, 0, 0])}
-# Of p-values that are all of the right physics so many trials are rejected.
+# Share of trials that is rejected although all physics is right.
 LEVEL = 0.01
 # Largest difference of compared impacts [rad, 1].
 PATHS = 1e-9
@@ -108,8 +108,8 @@ def verdict(ps: list[float]) -> tuple[bool, str]:
 
 
 def sample_here(settings: Array, size: Size, seed: int) -> list[Array]:
-    """Return samples of this package at all settings, from starts of their own."""
-    return [samples(own_rows(random_starts(size.trajectories, seed + k), setting, size.impacts,
+    """Return samples of this package at all settings, from states drawn here."""
+    return [samples(own_rows(random_states(size.trajectories, seed + k), setting, size.impacts,
                              size.periods), size.trajectories, setting[3])
             for k, setting in enumerate(settings)]
 
@@ -121,11 +121,11 @@ def judge(ours: list[Array], theirs: list[Array], seed: int) -> tuple[list[float
     return [p for p, _ in pairs], [worst for _, worst in pairs]
 
 
-def run_peer(peer: str, python: str, starts: Array, settings: Array, size: Size,
+def run_peer(peer: str, python: str, states: Array, settings: Array, size: Size,
              folder: Path) -> tuple[list[Array], float]:
-    """Let a peer follow starts at all settings; its rows, and seconds of its processor time."""
+    """Let a peer follow states at all settings; its rows, and seconds of its processor time."""
     job, out = folder / 'job.npz', folder / 'out.npz'
-    np.savez(job, starts=starts, settings=settings, most=size.impacts,
+    np.savez(job, states=states, settings=settings, most=size.impacts,
              until=2.0 * math.pi * size.periods)
     done = subprocess.run([python, str(CHAINS), peer, str(job), str(out)], check=True,
                           stdout=subprocess.PIPE, text=True)
@@ -135,13 +135,13 @@ def run_peer(peer: str, python: str, starts: Array, settings: Array, size: Size,
 
 def against(peer: str, python: str, settings: Array, size: Size, wrong: str, seed: int,
             folder: Path) -> bool:
-    """Compare with a peer; prints a table, and tells whether it disagrees."""
-    starts = random_starts(size.trajectories, seed)
+    """Compare with a peer; print a table, and return whether it disagrees."""
+    states = random_states(size.trajectories, seed)
     theirs = WRONG[wrong][1](settings) if wrong else settings
     begin = time.process_time()
     ours = sample_here(settings, size, seed + 1000)
     seconds = time.process_time() - begin
-    rows, their_seconds = run_peer(peer, python, starts, theirs, size, folder)
+    rows, their_seconds = run_peer(peer, python, states, theirs, size, folder)
     other = [samples(found, size.trajectories, setting[3])
              for found, setting in zip(rows, theirs, strict=True)]
     ps, worst = judge(ours, other, seed)
@@ -153,7 +153,7 @@ def against(peer: str, python: str, settings: Array, size: Size, wrong: str, see
           'largest difference |\n|---|---|---|---|---|---|---|---|---|')
     compared, largest = 0, 0.0
     for k, setting in enumerate(settings):
-        count, error = path_errors(starts, setting, rows[k], size.impacts, size.periods)
+        count, error = path_errors(states, setting, rows[k], size.impacts, size.periods)
         compared, largest = compared + count, max(largest, error)
         rest = ours[k][:, 6].clip(0.0).mean() * 1e-4
         print(f'| {" | ".join(f"{value:g}" for value in setting)} | {ps[k]:.4f} | {worst[k]} | '
@@ -167,7 +167,7 @@ def against(peer: str, python: str, settings: Array, size: Size, wrong: str, see
 
 
 def power(settings: Array, size: Size, seed: int) -> bool:
-    """Try the tests on this package with wrong physics; tells whether they fail to see it."""
+    """Try the tests on this package with wrong physics; return whether they fail to see it."""
     right = sample_here(settings, size, seed + 2000)
     blind, text = verdict(judge(right, sample_here(settings, size, seed + 3000), seed)[0])
     print(f'\nwrong physics here, {size.trajectories} trajectories, {size.impacts} impacts each\n'
@@ -186,7 +186,7 @@ def main() -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--settings', type=int, default=24, metavar='N',
                         help='how many values of the parameters; 24 by default')
-    parser.add_argument('--seed', type=int, default=1, help='of parameters and starts')
+    parser.add_argument('--seed', type=int, default=1, help='seed of parameters and states')
     parser.add_argument('--quick', action='store_true', help='fewer and shorter trajectories')
     parser.add_argument('--wrong', choices=WRONG, default='', help='let the peers be wrong in it')
     parser.add_argument('--only', choices=(*SIZES, 'power'), nargs='+',

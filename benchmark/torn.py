@@ -2,9 +2,9 @@
 What DDS hands over when a publisher runs ahead of its queue: batches in fragments, and whole ones.
 
 A publisher sends clouds without pause and without waiting for anybody, so that its queue overflows
-all the time; three readers are killed and started again, and look at every message. Torn is one
-without a head or with bytes of another in it. Lost ones are not counted: they have to be. The exit
-status is 1 if a batch of the simulator's size was torn.
+all the time; three readers are killed and started again, and look at every message. A message is
+torn if it lacks its head or contains bytes of another. Lost messages are not counted, as losses
+are intended here. The exit status is 1 if a batch of the simulator's size was torn.
 Run: make bench, or python benchmark/torn.py [seconds for each size]
 """
 
@@ -37,7 +37,7 @@ WHOLE, TORN = '\x06', '\x15'
 
 
 def publish(records: int) -> None:
-    """Send clouds that are filled with one number each, for ever."""
+    """Send clouds that are filled with one number each, without end."""
     rclpy.init()
     publisher = rclpy.create_node('publisher').create_publisher(PointCloud2, 'torn', STREAM)
     number = 0
@@ -49,7 +49,7 @@ def publish(records: int) -> None:
 
 
 def read(records: int) -> None:
-    """Tell of every message whether it is whole, in one character."""
+    """Print whether each message is whole, in one character."""
     rclpy.init()
     node = rclpy.create_node(f'reader_{os.getpid()}')
     length = records * POINT.itemsize

@@ -1,5 +1,5 @@
 """
-Events per second that `verify` rebuilds and finds again in a bag, exponents and transients too.
+Events per second that `verify` rebuilds and reproduces from a bag, with exponents and transients.
 
 The peer, in the same run, is rosbags, which only reads the same bag and takes its messages apart.
 Run: make bench, or python benchmark/verify.py [events]

@@ -18,7 +18,7 @@ extensions = ['myst_nb', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'mathml']
 html_math_renderer = 'mathml'
 # What other pages include.
 exclude_patterns = ['reference/**']
-# Many classes have an attribute called window or impacts; a unit is no reference to it.
+# Many classes have an attribute called window or impacts; a unit does not refer to it.
 suppress_warnings = ['ref.python']
 napoleon_use_ivar = True
 myst_enable_extensions = ['dollarmath']

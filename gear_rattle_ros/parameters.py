@@ -150,7 +150,7 @@ VIEWER: Final = (
     _fixed('mode', 'auto', 'native, web (on 127.0.0.1), none, or auto: native where there is a '
            'display, else web, or none beside a file', '',
            choices=('auto', 'native', 'web', 'none')),
-    _fixed('save', '', 'file to write, too (.rrd); empty = none', ''),
+    _fixed('save', '', 'file to write as well (.rrd); empty = none', ''),
     _fixed('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
     _fixed('colour', 'age', 'quantity that colours the section: age or alpha', '',
            choices=('age', 'alpha')),

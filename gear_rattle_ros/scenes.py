@@ -3,7 +3,7 @@ Scenes: situations of the paper by name, read from files.
 
 A scene is a YAML file with a title, a text and steps. A step sets parameters of the simulator,
 may reset the state, and lasts its seconds, or longer: until a ramp of alpha that it began ends.
-The first step always resets; parameters that it leaves out are as in `START`.
+The first step always resets; parameters that it leaves out are as in `INITIAL`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,11 +20,11 @@ from .plain_yaml import read_yaml
 
 Number: TypeAlias = int | float
 # The parameters of the simulator that change live, except alpha, which a scene has to set.
-START: Final[Mapping[str, Number]] = types.MappingProxyType({
+INITIAL: Final[Mapping[str, Number]] = types.MappingProxyType({
     'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9, 'noise': 0.0, 'seed': 0, 'rate': 1000.0,
     'initial_phase': 0.0, 'initial_displacement': 0.0, 'initial_velocity': -1.0,
     'alpha_rate': 0.0})
-NAMES: Final = ('alpha', 'alpha_target', *START)
+NAMES: Final = ('alpha', 'alpha_target', *INITIAL)
 LIMITS: Final[Mapping[str, tuple[float, float]]] = types.MappingProxyType({
     'noise': (0.0, NOISE_MAXIMUM), 'rate': (0.0, 1e7), 'alpha_rate': (0.0, 1.0),
     'seed': (0, SEED_MAXIMUM)})
@@ -161,7 +161,7 @@ def _step(item: Any, first: bool) -> Step:
     if first:
         if 'alpha' not in parameters:
             raise ValueError('the first step must set alpha')
-        parameters = {**START, 'alpha_target': parameters['alpha'], **parameters}
+        parameters = {**INITIAL, 'alpha_target': parameters['alpha'], **parameters}
     if parameters.get('alpha_rate', 0.0) > 0.0 and 'alpha_target' not in parameters:
         raise ValueError('a ramp needs alpha_target beside alpha_rate')
     # Not everywhere is an integer accepted for a double.

@@ -28,7 +28,7 @@ XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1
 
 
 def lab(colour: str, seen: np.ndarray) -> np.ndarray:
-    """Return CIE L*a*b* of a colour of sRGB as somebody sees it."""
+    """Return CIE L*a*b* of a colour of sRGB as it is seen."""
     part = np.array(rgb(colour)) / 255.0
     linear = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
     x, y, z = np.cbrt(np.clip(XYZ @ seen @ linear / XYZ.sum(axis=1), 0.0, None))

@@ -1,4 +1,4 @@
-"""The scenes show what the paper says, and a bad file is named."""
+"""The scenes show what the paper states, and a bad file is named."""
 
 from pathlib import Path
 import sys
@@ -26,7 +26,7 @@ from gear_rattle_ros.scenes import (  # noqa: E402
 
 
 def follow(name: str, impacts: int, step: int = 0) -> tuple[TransientDetector, RunningLyapunov]:
-    """Follow a scene's trajectory from one of its starts, with the core alone."""
+    """Follow a scene's trajectory from one of its initial conditions, with the core alone."""
     known: dict[str, float] = {}
     for each in find_scene(name).steps[:step + 1]:
         known |= each.parameters
@@ -61,7 +61,7 @@ def test_paper_is_there_by_name() -> None:
 
 @pytest.mark.parametrize(('step', 'period'), [(0, 3), (1, 2)])
 def test_two_attractors_are_a_and_b(step: int, period: int) -> None:
-    """A has three impacts in an orbit, B two, as the paper says."""
+    """A has three impacts in an orbit, B two, as the paper states."""
     report = follow('two-attractors', 2000, step)[0].report
     assert (report.regime, report.period_impacts, report.period_drive) == (
         Regime.ORBIT, period, 1)
@@ -89,7 +89,7 @@ def test_long_transient_is_longer_than_5000_impacts_and_is_seen_to_end() -> None
 
 
 @pytest.mark.long
-def test_page_says_what_is_found_now() -> None:
+def test_page_has_what_is_found_now() -> None:
     """The page is what tools/scene_page.py writes: hysteresis from B to A, too."""
     played = {name: (scene, scene_page.play(scene)) for name, scene in load_scenes().items()}
     text = (ROOT / 'doc' / 'scenes.md').read_text(encoding='utf-8')

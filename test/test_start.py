@@ -1,4 +1,4 @@
-"""Executables start, or say in one line why not."""
+"""Executables start, or explain in one line why not."""
 
 import subprocess
 import sys

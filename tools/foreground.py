@@ -27,7 +27,7 @@ def hand_terminal_to(group: int) -> None:
 
 
 def owns_terminal() -> bool:
-    """Say whether this process group is the terminal's foreground."""
+    """Whether this process group is the terminal's foreground."""
     try:
         terminal = os.open('/dev/tty', os.O_RDWR)
     except OSError:
@@ -62,7 +62,7 @@ def run(command: list[str]) -> int:
         _, status = os.waitpid(process.pid, os.WUNTRACED)
         if not os.WIFSTOPPED(status):
             break
-        # Ctrl-Z: stop the whole job, make too, and go on where the shell says so.
+        # Ctrl-Z: stop the whole job, make too, and go on when the shell continues it.
         if foreground:
             hand_terminal_to(os.getpgrp())
         os.killpg(0, signal.SIGSTOP)

@@ -35,7 +35,7 @@ def inline(translator: HTML5Translator, node: nodes.math) -> None:
 
 
 def block(translator: HTML5Translator, node: nodes.math_block) -> None:
-    """Write a formula of its own, with its number on the right."""
+    """Write a displayed formula, with its number on the right."""
     text = node.astext()
     number = TAG.search(text)
     beside = f'<span class="eqno">({number[1]})</span>' if number else ''

@@ -10,7 +10,7 @@ import sys
 from gear_rattle_ros.parameters import TABLES
 from gear_rattle_ros.start import EXECUTABLES
 
-COLUMNS = '99'
+COLUMNS = '88'
 
 
 def help_text(module: str) -> str:

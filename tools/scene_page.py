@@ -2,7 +2,7 @@
 Write doc/scenes.md and its pictures, from the files of config/scenes alone.
 
 Every scene is played without ROS: the same steps, with drive periods for seconds. What the page
-says of a scene was found in the very events that its picture shows.
+reports of a scene was found in the very events that its picture shows.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,13 +19,13 @@ from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, impact_count, Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import TransientDetector
-from gear_rattle_ros.scenes import load_scenes, Number, Scene, START, Step
+from gear_rattle_ros.scenes import INITIAL, load_scenes, Number, Scene, Step
 
 COMMAND = 'python tools/scene_page.py'
 MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
 # Events asked for at once.
 BATCH = 1024
-# Estimates of the exponents are taken so many impacts apart, as many as their window.
+# Impacts between estimates of the exponents, as many as in their window.
 WINDOW = 1000
 HEAD = f"""# Scenes
 
@@ -68,7 +68,7 @@ def play(scene: Scene) -> list[Stretch]:
 
 def _enter(simulation: Simulation, step: Step, known: Mapping[str, Number]
            ) -> Iterator[EventArray]:
-    """Set what a step says, and reset where it does."""
+    """Set the parameters of a step, and reset where it does."""
     if any(name in step.parameters for name in MODEL) and known:
         yield simulation.retune(_model(known))
     if known and step.reset:
@@ -102,15 +102,15 @@ def _initial(known: Mapping[str, Number]) -> State:
 
 
 def found(stretches: list[Stretch]) -> list[str]:
-    """Say what was found, a line for each step."""
+    """Describe what was found, a line for each step."""
     lines = []
     for number, stretch in enumerate(stretches, 1):
-        events, says = stretch.events, stretch.words
+        events, words = stretch.events, stretch.words
         alpha = ' to '.join(f'{value:g}' for value in dict.fromkeys(
             round(float(events['alpha'][place]), 12) for place in (0, -1)))
-        line = f'{number}. alpha {alpha}, {impact_count(events):,} impacts: {says}'
-        # A ramp begins its averages anew in every drive period; a transient has said its own.
-        if 'exponent' not in says and math.isfinite(stretch.error):
+        line = f'{number}. alpha {alpha}, {impact_count(events):,} impacts: {words}'
+        # A ramp begins its averages anew in every drive period; a transient has its own exponent.
+        if 'exponent' not in words and math.isfinite(stretch.error):
             line += f'; largest exponent {stretch.exponent:+.3f}'
         lines.append(line)
     return lines
@@ -120,7 +120,7 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
     """Return the page."""
     parts = [HEAD]
     for number, (name, (scene, stretches)) in enumerate(played.items(), 1):
-        steps = '\n'.join(f'| {n} | {_says(step, n == 1)} | {step.seconds:g} |'
+        steps = '\n'.join(f'| {n} | {_settings(step, n == 1)} | {step.seconds:g} |'
                           for n, step in enumerate(scene.steps, 1))
         parts.append(
             f'\n## {scene.title}\n\n{textwrap.fill(scene.text, 99)}\n\n'
@@ -131,8 +131,8 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
     return ''.join(parts)
 
 
-def _says(step: Step, first: bool) -> str:
-    known = {**START, 'alpha_target': step.parameters.get('alpha')} if first else {}
+def _settings(step: Step, first: bool) -> str:
+    known = {**INITIAL, 'alpha_target': step.parameters.get('alpha')} if first else {}
     words = [f'`{name}` {value:g}' for name, value in step.parameters.items()
              if known.get(name) != value]
     return ', '.join([*words, *(['then resets'] if step.reset else [])]) or 'nothing'

@@ -17,8 +17,7 @@ from gear_rattle_ros.palette import GREY, hue
 from gear_rattle_ros.scenes import Scene, Step
 
 WIDTH, HEIGHT = 1100, 560
-# Points drawn for a step at the most, taken at random: every so many would miss points of an
-# orbit.
+# Most points drawn for a step, taken at random: every n-th would miss points of an orbit.
 POINTS = 25_000
 # Colours of the picture file: dots on white need no more.
 PALETTE = 48

@@ -1,5 +1,5 @@
 """
-The attractor of a start in 50 digits, by formulas of its own: who is right where peers disagree.
+The attractor reached, in 50 digits and by independent formulas: who is right where peers disagree.
 
 Impacts are found by steps that cannot pass a wall (the acceleration is bounded), so none is
 missed; errors of 1e-50 are still small after the hundreds of impacts of a transient.
@@ -65,7 +65,7 @@ def release(tau, sign):
 
 
 def label_of(phase, velocity, orbits):
-    """Return the number of the orbit, a list of points (phase, velocity), that a start reaches."""
+    """Return the number of the orbit, a list of points (phase, velocity), that is reached."""
     with mp.workdps(50):
         tau, s, v = mp.mpf(phase), mp.mpf(0), mp.mpf(velocity)
         if v > 0:

@@ -1,12 +1,12 @@
 """
-The impacts of many starts by scipy's solve_ivp and by heyoka, with the rule for rest of their own.
+The impacts of many trajectories by scipy's solve_ivp and by heyoka, with their own rule for rest.
 
 Run by benchmark/long_runs.py, with a Python that has the peer: chains.py PEER JOB.npz OUT.npz.
 scipy follows the driven gear itself, x = s - alpha sin(tau), under x'' = gamma - beta x', walls
 moving; heyoka the displacement in the backlash. Neither uses a closed form of anything.
 
-A row of the result: number of the start, tau [rad], velocity before the impact [1], time at rest
-on a wall so far [1]. Impacts slower than STRONG are followed, but not written: at which speed
+A row of the result: number of the trajectory, tau [rad], velocity before the impact [1], time at
+rest on a wall so far [1]. Impacts slower than STRONG are followed, but not written: at which speed
 chatter turns into rest then makes no difference.
 """
 
@@ -19,16 +19,16 @@ import numpy as np
 TWO_PI = 2.0 * math.pi
 # Slower impacts are not written.
 STRONG = 1e-2
-# Slower than this after an impact a mass that is pressed rests: a flight then takes about SLOW
+# Slower than this after an impact a gear that is pressed rests: a flight then takes about SLOW
 # and rises SLOW**2, which the tolerances still resolve.
 SLOW = 1e-5
-# Time for which a mass that leaves a wall from rest is followed without looking for impacts.
+# Time for which a gear that leaves a wall from rest is followed without looking for impacts.
 LEAVE = 0.01
 SCAN = np.linspace(0.0, TWO_PI, 721)
 
 
 def press(tau, setting):
-    """Return the force on a mass at rest on a wall, upwards."""
+    """Return the force on a gear at rest on a wall, upwards."""
     alpha, beta, gamma, _ = setting
     return gamma + alpha * (beta * math.cos(tau) - math.sin(tau))
 
@@ -54,7 +54,7 @@ def next_zero(tau, sign, setting):
 
 def stay(tau, sign, after, setting):
     """
-    Return how long a mass stays on a wall after an impact, and how much of it at rest.
+    Return how long a gear stays on a wall after an impact, and how much of it at rest.
 
     None: it flies on. The chatter that is left when it is as slow as SLOW is a geometric series.
     """
@@ -68,11 +68,11 @@ def stay(tau, sign, after, setting):
 
 
 def safe(tau, sign, setting):
-    """Return a time for which a mass that leaves a wall is certainly on its way."""
+    """Return a time for which a gear that leaves a wall is certainly on its way."""
     return min(LEAVE, 0.5 * next_zero(tau, -sign, setting))
 
 
-def by_scipy(starts, setting, most, until):
+def by_scipy(states, setting, most, until):
     """
     Follow the driven gear from turn to turn and to the walls, with terminal events.
 
@@ -100,7 +100,7 @@ def by_scipy(starts, setting, most, until):
                          max_step=0.1)
 
     rows = []
-    for number, (tau, s, v) in enumerate(starts.tolist()):
+    for number, (tau, s, v) in enumerate(states.tolist()):
         base, rest, count = 0.0, 0.0, 0
         way = 1.0 if v > 0.0 or (v == 0.0 and press(tau, setting) > 0.0) else -1.0
         y = [s - alpha * math.sin(tau), v - alpha * math.cos(tau)]
@@ -166,11 +166,11 @@ class Taylor:
             return self.left > 0 and self.held is None
         return bounce
 
-    def __call__(self, starts, setting, most, until):
-        """Follow every start."""
+    def __call__(self, states, setting, most, until):
+        """Follow every initial condition."""
         self.setting, self.rows = setting, []
         self.flight.pars[:] = self.leaving.pars[:] = setting[:3]
-        for self.number, (tau, s, v) in enumerate(starts.tolist()):
+        for self.number, (tau, s, v) in enumerate(states.tolist()):
             self.left, self.rest = most, 0.0
             while self.left > 0:
                 self.held = None
@@ -195,7 +195,7 @@ class Taylor:
 
 
 def main():
-    """Follow the starts of every setting by the peer that is named."""
+    """Follow the initial conditions of every setting by the peer that is named."""
     peer, job, out = sys.argv[1:]
     given = np.load(job)
     follow = by_scipy if peer == 'scipy' else Taylor()
@@ -203,7 +203,7 @@ def main():
     found = {}
     for number, setting in enumerate(given['settings'].tolist()):
         start = time.process_time()
-        found[str(number)] = follow(given['starts'], setting, int(given['most']),
+        found[str(number)] = follow(given['states'], setting, int(given['most']),
                                     float(given['until']))
         print(f'{peer} {setting} {time.process_time() - start:.1f} s', file=sys.stderr)
     np.savez(out, **found)

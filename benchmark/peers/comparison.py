@@ -33,11 +33,11 @@ class Comparison:
     our_seconds: float
     their_seconds: float
     lifetimes: np.ndarray
-    starts: np.ndarray
+    initial: np.ndarray
     catalogue: Catalogue
 
     def classes(self) -> dict[str, np.ndarray]:
-        """Divide the starts by what the peer says of them."""
+        """Divide the cells by the label that the peer gives them."""
         agrees = self.ours == self.theirs
         return {'the same label': agrees, 'another label': ~agrees & (self.theirs >= 0),
                 'no label': self.theirs < 0}
@@ -51,35 +51,35 @@ def python_of(peer: str) -> str:
 
 
 def compare(peer: str, python: str, size: int, count: int, folder: Path) -> Comparison:
-    """Follow size x size starts by the peer, count impacts each, and by the lanes."""
+    """Follow size x size cells by the peer, count impacts each, and by the lanes."""
     plane = Plane(phases=size, velocities=size)
-    starts = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
-    np.save(folder / 'starts.npy', np.stack([starts['phase'], starts['velocity']], axis=1))
+    initial = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
+    np.save(folder / 'initial.npy', np.stack([initial['phase'], initial['velocity']], axis=1))
     done = subprocess.run(
-        [python, str(FOLLOW), peer, str(folder / 'starts.npy'), str(folder / 'last.npy'),
+        [python, str(FOLLOW), peer, str(folder / 'initial.npy'), str(folder / 'last.npy'),
          str(count)], check=True, stdout=subprocess.PIPE, text=True)
     last = np.load(folder / 'last.npy')
     catalogue = find_attractors(PARAMETERS, plane.draw(PARAMETERS, 1000, 1))
     begin = time.perf_counter()
-    result = catalogue.label(starts, CAP)
+    result = catalogue.label(initial, CAP)
     seconds = time.perf_counter() - begin
-    theirs = np.full(len(starts), -1)
+    theirs = np.full(len(initial), -1)
     for number, orbit in enumerate(catalogue.orbits):
         for phase, velocity in zip(orbit.phases, orbit.velocities, strict=True):
             near = (np.abs(np.sin(0.5 * (last[:, 0] - phase))) < 0.5 * NEAR) & (
                 np.abs(last[:, 1] - velocity) < NEAR)
             theirs[near] = number
     return Comparison(result['label'], theirs, seconds, float(done.stdout), result['lifetime'],
-                      starts, catalogue)
+                      initial, catalogue)
 
 
 def decide(found: Comparison, chosen: np.ndarray, most: int) -> tuple[int, int, int]:
-    """Follow some of the chosen starts in 50 digits; how many, right here, right there."""
+    """Follow some of the chosen cells in 50 digits; how many, right here, right there."""
     orbits = [list(zip(orbit.phases.tolist(), orbit.velocities.tolist(), strict=True))
               for orbit in found.catalogue.orbits]
     cells = np.flatnonzero(chosen).tolist()
     sample = random.Random(1).sample(cells, min(most, len(cells)))
-    right = [label_of(found.starts['phase'][n], found.starts['velocity'][n], orbits)
+    right = [label_of(found.initial['phase'][n], found.initial['velocity'][n], orbits)
              for n in sample]
     return (len(sample), *(sum(labels[n] == label for n, label in zip(sample, right, strict=True))
                            for labels in (found.ours, found.theirs)))

@@ -1,9 +1,9 @@
 """
-The last impact of many starts by heyoka or by scipy's solve_ivp, as a user would write it.
+The last impact of many trajectories by heyoka or by scipy's solve_ivp, as a user would write it.
 
-Run by benchmark/basins.py, with a Python that has the peer: follow.py PEER STARTS.npy OUT.npy N
-follows each start for N impacts and writes (phase, velocity) before the last one; prints seconds
-of computing. Starts are rows (phase, velocity) on s = 0.
+Run by benchmark/basins.py, with a Python that has the peer: follow.py PEER INITIAL.npy OUT.npy N
+follows each for N impacts and writes (phase, velocity) before the last one; prints seconds
+of computing. Initial conditions are rows (phase, velocity) on s = 0.
 """
 
 import math
@@ -13,11 +13,11 @@ import time
 import numpy as np
 
 ALPHA, BETA, GAMMA, R = 0.48, 0.1, 0.1, 0.9
-# Below this speed after an impact a start is given up: nothing here knows how to stick.
+# Below this speed after an impact a trajectory is given up: nothing here knows how to stick.
 SLOW = 1e-7
 
 
-def by_scipy(starts, count):
+def by_scipy(initial, count):
     """Integrate from impact to impact with terminal events."""
     from scipy.integrate import solve_ivp
 
@@ -32,8 +32,8 @@ def by_scipy(starts, count):
 
     upper.terminal = lower.terminal = True
     upper.direction, lower.direction = 1.0, -1.0
-    last = np.full((len(starts), 2), np.nan)
-    for number, (phase, velocity) in enumerate(starts):
+    last = np.full((len(initial), 2), np.nan)
+    for number, (phase, velocity) in enumerate(initial):
         t, s, v = phase, 0.0, velocity
         if v > 0.0:
             v = -R * v
@@ -52,7 +52,7 @@ def by_scipy(starts, count):
     return last
 
 
-def by_heyoka(starts, count):
+def by_heyoka(initial, count):
     """Integrate with Taylor series and terminal events at both walls."""
     import heyoka as hy
     s, v = hy.make_vars('s', 'v')
@@ -67,9 +67,9 @@ def by_heyoka(starts, count):
     walls = [hy.t_event(wall, callback=bounce, direction=direction) for wall, direction in (
         (s, hy.event_direction.positive), (s + 1.0, hy.event_direction.negative))]
     integrator = hy.taylor_adaptive([(s, v), (v, force - BETA * v)], [0.0, 0.0], t_events=walls)
-    last = np.full((len(starts), 2), np.nan)
+    last = np.full((len(initial), 2), np.nan)
     begin = time.perf_counter()
-    for number, (phase, velocity) in enumerate(starts):
+    for number, (phase, velocity) in enumerate(initial):
         here[0], here[1] = math.nan, 0
         integrator.time = phase
         integrator.state[:] = 0.0, -R * velocity if velocity > 0.0 else velocity
@@ -81,10 +81,10 @@ def by_heyoka(starts, count):
 
 
 def main():
-    """Follow the starts by the peer that is named."""
-    name, starts, out, count = sys.argv[1:]
+    """Follow the initial conditions by the peer that is named."""
+    name, initial, out, count = sys.argv[1:]
     begin = time.perf_counter()
-    last = {'heyoka': by_heyoka, 'scipy': by_scipy}[name](np.load(starts), int(count))
+    last = {'heyoka': by_heyoka, 'scipy': by_scipy}[name](np.load(initial), int(count))
     seconds = time.perf_counter() - begin
     if isinstance(last, tuple):
         last, seconds = last

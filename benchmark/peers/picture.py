@@ -6,8 +6,10 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 import numpy as np
 
+from gear_rattle_ros.palette import hue
+
 # No label, the first orbit, the second.
-COLOURS = ListedColormap(['#d0d0d0', '#440154', '#2fb47c'])
+COLOURS = ListedColormap(['#d0d0d0', hue(0), hue(1)])
 DIFFERS = ListedColormap(['#ffffff', '#c2410c'])
 
 

@@ -15,11 +15,11 @@ Array = np.ndarray
 STATISTICS = ('velocity', 'phase', 'phase by the wall', 'flight time', 'impacts per period',
               'energy lost per period', 'share of rest', 'impacts until the end')
 # Numbers are compared as multiples of it: on periodic orbits many trajectories have the same
-# ones but for the error of the integrator, which is no difference in distribution.
+# ones but for the error of the integrator, which does not change the distribution.
 GRAIN = 1e-4
 # Where p is small, enough of them for Holm over 24 settings at 1 %.
 SHUFFLES, MORE = 1000, 3000
-# Distribution functions are compared at so many quantiles.
+# Number of quantiles at which distribution functions are compared.
 PLACES = 41
 # Events of one trajectory, far more than any has here.
 CAP = 200_000
@@ -27,16 +27,16 @@ CAP = 200_000
 GROWTH = 100.0
 
 
-def random_starts(count: int, seed: int) -> Array:
+def random_states(count: int, seed: int) -> Array:
     """Return rows of phase, displacement and velocity."""
     random = np.random.default_rng(seed)
     return np.stack([random.uniform(0.0, TWO_PI, count), random.uniform(-1.0, 0.0, count),
                      random.normal(0.0, 1.0, count)], axis=1)
 
 
-def events_of(start: Array, setting: Array, most: int, periods: int) -> EventArray:
+def events_of(state: Array, setting: Array, most: int, periods: int) -> EventArray:
     """Return the events of a trajectory, up to its last strong impact or the end of its time."""
-    simulation = Simulation(Parameters(*setting.tolist()), State(0, *start.tolist()))
+    simulation = Simulation(Parameters(*setting.tolist()), State(0, *state.tolist()))
     pieces, strong, count = [], 0, 0
     while strong < most:
         piece = simulation.advance(periods, 0.0, 2 * most)
@@ -46,14 +46,14 @@ def events_of(start: Array, setting: Array, most: int, periods: int) -> EventArr
         if len(piece) < 2 * most:
             break
         if count > CAP:
-            raise RuntimeError(f'more than {CAP} events from {start} at {setting}')
+            raise RuntimeError(f'more than {CAP} events from {state} at {setting}')
     events = np.concatenate(pieces)
     return events[:np.flatnonzero(np.cumsum(is_strong(events)) == most)[0] + 1
                   if strong >= most else len(events)]
 
 
 def is_strong(events: EventArray) -> Array:
-    """Tell which events are impacts that count."""
+    """Return which events are impacts that count."""
     return (events['kind'] <= EventKind.STICK) & (np.abs(events['velocity']) >= STRONG)
 
 
@@ -72,10 +72,10 @@ def rows_of(number: int, events: EventArray) -> Array:
                     axis=1)[strong]
 
 
-def own_rows(starts: Array, setting: Array, most: int, periods: int) -> Array:
-    """Follow every start here."""
-    return np.concatenate([rows_of(number, events_of(start, setting, most, periods))
-                           for number, start in enumerate(starts)])
+def own_rows(states: Array, setting: Array, most: int, periods: int) -> Array:
+    """Follow every initial condition here."""
+    return np.concatenate([rows_of(number, events_of(state, setting, most, periods))
+                           for number, state in enumerate(states)])
 
 
 def samples(rows: Array, count: int, restitution: float) -> Array:
@@ -86,7 +86,7 @@ def samples(rows: Array, count: int, restitution: float) -> Array:
         _, tau, velocity, rest = rows[edges[k]:edges[k + 1]].T
         result[k, -1] = len(tau)
         if len(tau) < 2:
-            # Nearly at once at rest, or afloat, for ever: nothing but that is said of it.
+            # At rest or floating nearly at once, permanently: it has no other statistics.
             continue
         half = (len(tau) - 1) // 2
         periods = (tau[-1] - tau[half]) / TWO_PI
@@ -113,7 +113,7 @@ def compare(one: Array, two: Array, random: np.random.Generator) -> tuple[float,
 
     A permutation test, exact whatever the distributions: labels of trajectories are shuffled,
     and the largest of all distances, each in its own standard deviations, is compared with that
-    of the samples as they are. Equal ones are told apart by chance, so p is uniform.
+    of the samples as they are. Ties are broken by chance, so p is uniform.
     """
     pooled = np.concatenate([one, two])
     at = np.quantile(pooled, np.linspace(0.0, 1.0, PLACES), axis=0, method='lower')
@@ -172,13 +172,13 @@ def comparable(events: EventArray, setting: Array) -> Array:
     return np.array(result, dtype=int)
 
 
-def path_errors(starts: Array, setting: Array, theirs: Array, most: int,
+def path_errors(states: Array, setting: Array, theirs: Array, most: int,
                 periods: int) -> tuple[int, float]:
-    """Follow starts of a peer here; how many impacts are compared, and the largest difference."""
+    """Follow states of a peer here; how many impacts are compared, and the largest difference."""
     count, worst = 0, 0.0
-    edges = np.searchsorted(theirs[:, 0], np.arange(len(starts) + 1))
-    for number, start in enumerate(starts):
-        events = events_of(start, setting, most, periods)
+    edges = np.searchsorted(theirs[:, 0], np.arange(len(states) + 1))
+    for number, state in enumerate(states):
+        events = events_of(state, setting, most, periods)
         chosen = comparable(events, setting)
         other = theirs[edges[number]:edges[number + 1]]
         if len(other) < len(chosen):

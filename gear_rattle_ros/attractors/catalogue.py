@@ -16,7 +16,7 @@ from .plane import STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import HOLD, TOLERANCE
 from ..core.flight.elementary import TWO_PI
-from ..core.flight.lanes import EMPTY, new_tiles, START
+from ..core.flight.lanes import EMPTY, INITIAL, new_tiles
 from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import ChaoticSet
 from ..core.many.orbit_table import dilated, make_table
@@ -49,14 +49,14 @@ class Kind(enum.Enum):
     UNSETTLED = 'unsettled'
 
 
-# Labels that are no number of an attractor: the key and the kind that go with them.
+# Labels that are not the number of an attractor, with their key and kind.
 OTHERS: Final = {
     RESTS_UPPER: ('rest-upper', Kind.RESTING), RESTS_LOWER: ('rest-lower', Kind.RESTING),
     FLOATING: ('floating', Kind.FLOATING), UNSETTLED: ('unsettled', Kind.UNSETTLED)}
 
 
 def go_on() -> None:
-    """Give nothing up."""
+    """Do not give up."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Attractor:
 
     def with_share(self, settled: int, total: int) -> 'Attractor':
         """Return it with its share of random initial conditions, and the error of that."""
-        # As if two more had settled on it and two elsewhere: none or all have an error, too.
+        # As if two more had settled on it and two elsewhere: shares of 0 and 1 have an error, too.
         share = (settled + 2.0) / (total + 4.0)
         return dataclasses.replace(
             self, settled=settled, share=settled / max(total, 1),
@@ -157,7 +157,7 @@ class Catalogue:
     stay: int = 0
     labels: npt.NDArray[np.int64] = dataclasses.field(
         default_factory=lambda: np.zeros(0, np.int64))
-    states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, START))
+    states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, INITIAL))
     late: tuple[Orbit, ...] = ()
 
     @functools.cached_property

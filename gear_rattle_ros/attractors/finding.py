@@ -41,11 +41,11 @@ SETS_MOST: Final = 60
 TRACED: Final = 40_000
 
 Check: TypeAlias = Callable[[], None]
-CONSERVES: Final = 'restitution = 1 and beta = 0 keep areas: there are no attractors'
+CONSERVES: Final = 'restitution = 1 and beta = 0 preserve areas: there are no attractors'
 
 
 def conserves_areas(model: Parameters | np.recarray[Any, Any]) -> Any:
-    """Whether nothing contracts, so that no attractors exist; of START for every row."""
+    """Whether nothing contracts, so that no attractors exist; of INITIAL for every row."""
     return (model.restitution == 1.0) & (model.beta == 0.0)
 
 
@@ -55,13 +55,13 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
                     threads: int | None = None, cluster: str | None = None,
                     check: Check = go_on) -> Catalogue:
     """
-    Find the attractors that initial conditions reach; none where areas are kept.
+    Find the attractors that initial conditions reach; none where areas are preserved.
 
     Parameters
     ----------
     parameters : Parameters
         The model.
-    initial : ndarray of START, shape (n,), optional
+    initial : ndarray of INITIAL, shape (n,), optional
         By default `INITIAL_CONDITIONS` random ones of the default plane.
     tolerance : float
         Largest distance of a trajectory that is on its orbit [1].

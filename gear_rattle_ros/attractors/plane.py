@@ -14,7 +14,7 @@ TWO_PI: Final = 2.0 * math.pi
 # Largest number of cells along an edge.
 EDGE_MAXIMUM: Final = 1_000_000
 
-# The fields of a START, or a RESULT, that change along a trajectory.
+# The fields of INITIAL, or of RESULT, that change along a trajectory.
 STATE: Final = ('phase', 'displacement', 'velocity')
 
 
@@ -60,14 +60,14 @@ class Plane:
         return _centres(self.velocity, self.velocities, first, last)
 
     def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> RecordArray:
-        """Return the initial conditions of some cells as START, row by row, velocity first."""
+        """Return the initial conditions of some cells as INITIAL, row by row, velocity first."""
         v = self.velocity_values(velocities.start, velocities.stop)
         p = self.phase_values(phases.start, phases.stop)
         return make_initial_conditions(parameters, np.tile(p, len(v)), self.displacement,
                                        np.repeat(v, len(p)))
 
     def draw(self, parameters: Parameters, count: int, seed: int) -> RecordArray:
-        """Draw START uniformly from the window; the first do not depend on the `count`."""
+        """Draw INITIAL uniformly from the window; the first do not depend on the `count`."""
         drawn = np.random.default_rng(seed).random((count, 2))
         (p0, p1), (v0, v1) = self.phase, self.velocity
         return make_initial_conditions(parameters, p0 + (p1 - p0) * drawn[:, 0], self.displacement,

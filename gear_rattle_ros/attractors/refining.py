@@ -2,7 +2,7 @@
 Grids of initial conditions, coarse to fine: what the basin node, the explorer and grids share.
 
 A level is followed in rounds of impacts, in slices of a few milliseconds, so that the work can be
-dropped at any moment. It is shown when its time is over, as far as it is: what has not settled by
+dropped at any moment. It is shown when its time is over, complete or not: what has not settled by
 then, or was not followed, is unsettled in it. Orbits that no search has found are looked for
 among what is left of a level, and all later levels know them.
 """
@@ -56,7 +56,7 @@ class Level:
         # Those that have not settled, and those that this round has still to follow.
         self.left = (np.random.default_rng(SEED).permutation(len(initial)) if is_mixed
                      else np.arange(len(initial)))
-        # Where areas are kept nothing settles, and nothing is followed.
+        # Where areas are preserved nothing settles, and nothing is followed.
         self.due = self.left[~conserves_areas(initial.view(np.recarray))[self.left]]
         self.rounds = self.impacts = 0
         # Time that it took [s], and impacts of an initial condition in a round.

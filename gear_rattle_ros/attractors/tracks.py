@@ -1,4 +1,4 @@
-"""The attractors of an orbit diagram numbered, each with one number at every alpha it lives."""
+"""Numbers for the attractors of an orbit diagram, the same at every alpha where one exists."""
 
 from typing import Final
 
@@ -21,7 +21,7 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
     # is seen over most columns comes first.
     numbers = np.full(keys.shape, -1, np.int64)
     count = 0
-    # What rests has no impacts: its name is its own at every alpha.
+    # What rests has no impacts: its name identifies it at every alpha.
     resting = is_attractor & ~np.isfinite(points[..., 0, 0])
     for key in np.unique(keys[resting]):
         numbers[resting & (keys == key)] = count

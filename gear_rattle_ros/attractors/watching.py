@@ -3,7 +3,7 @@ Basins for somebody who watches: what is known at each level, and how much time 
 
 On a chaotic attractor nothing settles before it has stayed there for too many impacts to be a
 transient. Where that is the least number of a search, the levels before the last one try fewer,
-after which nothing that has settled elsewhere in the first is seen to leave.
+the first with which no initial condition is claimed that settled elsewhere in the first level.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -45,7 +45,7 @@ class _Sink:
             os.fdatasync(self._raw.fileno())
 
     def close(self, size: int) -> None:
-        """Close, and cut off what lies behind a size."""
+        """Close, and cut off what lies beyond a size."""
         with self._raw:
             if self._raw.tell() > size:
                 self._raw.truncate(size)
@@ -65,7 +65,7 @@ class BagFile:
         self._schemas: dict[str, int] = {}
         self._open_chunk = 0
         self._is_closed = False
-        # Topics, written once more behind their chunk: without them no message can be read.
+        # Topics, written once more after their chunk: without them no message can be read.
         self._repeated = RecordBuilder()
         self._sink = _Sink(path)
         self._writer = Writer(

@@ -9,7 +9,7 @@ _HEAD: Final = 4
 
 
 class Reader:
-    """Read a serialized message value by value; alignments count from behind its head."""
+    """Read a serialized message value by value; alignments count from the end of its head."""
 
     def __init__(self, cdr: bytes) -> None:
         if len(cdr) < _HEAD or cdr[0] != 0 or cdr[1] > 1:

@@ -50,7 +50,7 @@ class Recomputed:
     """Recorded reports, which wait for their batches."""
 
     def __init__(self) -> None:
-        # Found again, bit for bit; resting on what is not in the bag; the first that is wrong.
+        # Reproduced bit for bit; resting on what is not in the bag; the first that is wrong.
         self.found = self.beyond = 0
         self.fault = ''
         self._pending: defaultdict[Any, list[Any]] = defaultdict(list)
@@ -65,7 +65,7 @@ class Recomputed:
 class Exponents(Recomputed):
     """Recompute every estimate of the Lyapunov node."""
 
-    # Its average begins at a retune or reset, where the node joined, or behind a hole; the last
+    # Its average begins at a retune or reset, where the node joined, or after a hole; the last
     # two are at the first record of a batch, which the estimate itself names by index and epoch.
     def __init__(self, reports: Sequence[Named]) -> None:
         super().__init__()
@@ -205,7 +205,7 @@ class Transients(Recomputed):
             elif not self.fault:
                 self.fault = (
                     f'the report {report.get("state")!r} at impact {report.get("index")}, epoch '
-                    f'{report.get("epoch")}, is not what the events say: {report}')
+                    f'{report.get("epoch")}, does not follow from the events: {report}')
 
 
 def _difference(found: Mapping[str, float], expected: Mapping[str, float]) -> str:

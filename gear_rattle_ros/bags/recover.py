@@ -65,7 +65,7 @@ class Recovery:
                 lines.append(f'{name}: the numbers begin anew '
                              f'{counted(accounts.guard.restarts, "time")}')
             if self.unclosed:
-                lines.append(f'{name}: what came behind impact {accounts.last[0]} is lost')
+                lines.append(f'{name}: what came after impact {accounts.last[0]} is lost')
         return '\n'.join(lines)
 
     __repr__ = __str__

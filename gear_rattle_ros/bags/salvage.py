@@ -26,7 +26,7 @@ _MESSAGE: Final = 22
 # A chunk that claims to hold more than this is taken for noise.
 _LARGEST_CHUNK: Final = 2**30
 _COMPRESSIONS: Final = (b'zstd', b'lz4', b'')
-# Length of a footer and of the magic behind it.
+# Length of a footer and of the magic after it.
 _FOOTER: Final = _HEAD + 20 + len(MCAP0_MAGIC)
 
 

@@ -1,4 +1,4 @@
-"""Verify a bag from itself: rebuild every flight and find each record again, bit for bit."""
+"""Verify a bag from itself: rebuild every flight and reproduce each record, bit for bit."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,8 +29,8 @@ class Verdict:
     """
     Whether a bag is verified, and what was found in it; its text is a report.
 
-    `flights` were rebuilt from one record to the next; `exponents` and `transients` were found
-    again, bit for bit, but for those `beyond` that rest on events which are not in the bag.
+    `flights` were rebuilt from one record to the next; `exponents` and `transients` were
+    reproduced bit for bit, but for those `beyond` that rest on events which are not in the bag.
     `imbalance` is the largest difference of the mean force of the walls from what it must be, at
     the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
     record or report that does not follow from the events before it, `kernels` the fingerprints
@@ -64,7 +64,7 @@ class Verdict:
                 f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
                 f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')
         again = (f'{counted(self.exponents, "estimate")} and '
-                 f'{counted(self.transients, "transient report")} found again, '
+                 f'{counted(self.transients, "transient report")} reproduced, '
                  f'impulse balance within {self.imbalance:.1e}')
         notes = f', {self.beyond} more rest on what is not in the bag' if self.beyond else ''
         notes += '' if self.is_whole else '; the bag was not closed properly'
@@ -80,7 +80,7 @@ class Verdict:
         lines = [f'not verified: {counted(number, "hole")}, what is between them follows: {found}']
         lines += [f'  missing: {hole.describe()}' for hole in self.holes]
         lines += [f'  the numbers begin anew at impact {hole.before[0]}, epoch {hole.before[1]}, '
-                  f'behind impact {hole.after[0]}, epoch {hole.after[1]}' for hole in self.anew]
+                  f'after impact {hole.after[0]}, epoch {hole.after[1]}' for hole in self.anew]
         return '\n'.join(lines)
 
     __repr__ = __str__
@@ -92,7 +92,7 @@ class Verdict:
             return (f'; it was recorded with other kernels ({", ".join(others)}) than these '
                     f'({here}): verify it with the version that recorded it')
         return '' if self.kernels else (
-            f'; the bag does not say which kernels recorded it (these are {here})')
+            f'; the bag does not name the kernels that recorded it (these are {here})')
 
 
 def verify(path: str | Path, topic: str = '') -> Verdict:
@@ -158,7 +158,7 @@ def _first_fault(succession: Succession, topic: str, batches: Sequence[_Batch]) 
 
 def _recompute(exponents: Exponents, transients: Transients, guard: StreamGuard,
                batches: Sequence[_Batch]) -> None:
-    """Recompute the exponents and transients, anew behind every hole, up to the first fault."""
+    """Recompute the exponents and transients, anew after every hole, up to the first fault."""
     for batch in batches:
         if batch.fault or exponents.fault or transients.fault:
             return

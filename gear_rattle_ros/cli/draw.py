@@ -1,4 +1,4 @@
-"""The command `draw`: the picture of a dataset that is there already."""
+"""The command `draw`: the picture of an existing dataset."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ from .run import add_picture, looks_of, require_picture
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser('draw', description='Draw a dataset again, without computing it again.')
-    parser.add_argument('store', type=Path, metavar='STORE.zarr', help='what a tool has written')
+    parser.add_argument('store', type=Path, metavar='STORE.zarr', help='a store of a tool')
     add_picture(parser)
     given = parser.parse_args(arguments)
 

@@ -102,7 +102,7 @@ def add_grid(parser: Parser, cap: int) -> None:
 
 
 def hold_of(given: argparse.Namespace) -> dict[str, int]:
-    """Nothing is unsettled before what is to be passed over has been."""
+    """Return `hold`, long enough for the impacts that are passed over."""
     return {'hold': max(given.hold, given.skip)}
 
 

@@ -8,22 +8,24 @@ from .options import add, number, whole
 from .refusal import Parser
 from .run import Command
 
-SWEEPS = ('starts', 'up', 'down')
+SWEEPS = ('random', 'up', 'down')
 
 
 def _add_options(parser: Parser) -> None:
     options.add_model(parser, (0.47, 0.60), 'window of alpha')
-    add(parser, 'columns', whole(2), 780, 'amplitudes')
+    add(parser, 'columns', whole(2), 780, 'number of amplitudes')
     add(parser, 'bins', whole(1), 900, 'bins of the velocity')
     add(parser, 'bin-window', number, (-1.5, 1.5), 'velocities counted [1]')
     add(parser, 'hold', whole(1000), 10_000, 'impacts after which a trajectory is unsettled; in '
         '32 times as many nothing may leave a chaotic attractor')
-    add(parser, 'skip', whole(1), 5000, 'impacts passed over at least where nothing settles')
-    add(parser, 'keep', whole(1), 2048, 'impacts of each trajectory that are counted then')
-    add(parser, 'trajectories', whole(1), 32, 'at each alpha')
+    add(parser, 'skip', whole(1), 5000, 'fewest impacts passed over where nothing settles')
+    add(parser, 'keep', whole(1), 2048, 'impacts of each trajectory counted after that')
+    add(parser, 'trajectories', whole(1), 32, 'trajectories at each alpha')
+    # The random ones were called starts.
     parser.add_argument('--sweep', dest='sweeps', nargs='+', choices=SWEEPS, default=SWEEPS,
-                        help='many initial conditions at each alpha (starts), or followed up and '
-                        'down; all by default')
+                        type=lambda text: text.replace('starts', 'random'),
+                        help='random initial conditions at each alpha, or followed up and down; '
+                        'all by default')
     parser.add_argument('--draw', choices=('velocity', 'exponent', 'both'), default='both',
                         help='what the picture shows; both by default')
     options.add_plane(parser)

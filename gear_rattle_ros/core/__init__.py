@@ -9,5 +9,5 @@ Notation, here and in every room, as in de Souza & Caldas (2001); [1] marks a nu
   to 0 (upper wall); ``v = s'`` its velocity [1]; ``a(tau, v)`` its acceleration in flight [1].
 * ``alpha``, ``beta``, ``gamma`` and ``r`` are drive, damping, load and restitution [1].
 * ``v-`` and ``v+`` are the velocities just before and just after an impact; "velocity" of an
-  impact is ``v-``. A trajectory grows in impacts: lifetimes and exponents are per impact.
+  impact is ``v-``. Time is counted in impacts: lifetimes in impacts, exponents per impact.
 """

@@ -27,7 +27,7 @@ class Wall(enum.IntEnum):
 
     @property
     def displacement(self) -> float:
-        """Displacement of an impact there: 0 or -1 [1]."""
+        """Return the displacement of an impact there, 0 or -1 [1]."""
         return -float(self)
 
     @property

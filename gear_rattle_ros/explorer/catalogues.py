@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from .view import HOLD, LIFETIMES, STARTS, View
+from .view import DRAWN, HOLD, LIFETIMES, View
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.plane import Plane
@@ -16,7 +16,7 @@ from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 
 # Initial conditions of the quick search, and the impacts for which they are followed.
-QUICK_STARTS: Final = 200
+QUICK_DRAWN: Final = 200
 QUICK_HOLD: Final = 2_000
 SEED: Final = 1
 # Number of parameters whose attractors are remembered.
@@ -51,7 +51,7 @@ class Catalogues:
         """Return the result of a quick search; chaotic attractors only where already known."""
         known = self._get(_key(view))
         if known is None:
-            found = find_attractors(view.parameters, _random(view, QUICK_STARTS), hold=QUICK_HOLD,
+            found = find_attractors(view.parameters, _random(view, QUICK_DRAWN), hold=QUICK_HOLD,
                                     chaotic=False)
             # What has not settled after a last look is nearly always chaos or a long transient.
             known = self._put(_key(view), Known(found, not np.any(found.labels == UNSETTLED)))
@@ -91,7 +91,7 @@ class Catalogues:
                 raise GivenUp
 
         try:
-            found = find_attractors(view.parameters, _random(view, STARTS), hold=HOLD,
+            found = find_attractors(view.parameters, _random(view, DRAWN), hold=HOLD,
                                     chaotic=view.kind != LIFETIMES, check=check)
             self._put(key, Known(found))
         except GivenUp:

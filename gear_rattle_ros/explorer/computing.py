@@ -49,8 +49,8 @@ def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> I
         return level.cap < CAP and (len(level.left) > 0 or not known.is_complete)
 
     def level_of(cells: int, cap: int, begun: Level | None = None) -> Level:
-        starts = view.plane(cells).cells(view.parameters, slice(0, cells), slice(0, cells))
-        return Level(starts, (cells, cells), cap, seconds=SHOWN_EVERY, begun=begun)
+        initial = view.plane(cells).cells(view.parameters, slice(0, cells), slice(0, cells))
+        return Level(initial, (cells, cells), cap, seconds=SHOWN_EVERY, begun=begun)
 
     def levels() -> Iterator[tuple[Level, Catalogue]]:
         nonlocal known
@@ -82,9 +82,9 @@ def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> I
                 rows = np.arange(cells) * len(exponents) // cells
                 exponents, grown = exponents[np.ix_(rows, rows)], 0
             last = cells if is_done else level.due[0] // cells
-            starts = view.plane(cells).cells(view.parameters, slice(grown, last), slice(0, cells))
+            initial = view.plane(cells).cells(view.parameters, slice(grown, last), slice(0, cells))
             exponents[grown:last] = finite_time_exponents(
-                starts, SPAN, check=check).reshape(-1, cells)
+                initial, SPAN, check=check).reshape(-1, cells)
             grown = last
             level.spent += time.monotonic() - since
         yield Picture(

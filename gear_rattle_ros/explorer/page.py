@@ -69,7 +69,7 @@ class Page:
         self._sliders: dict[str, Slider] = {}
         self._alpha = NumericInput(name='exact_alpha', value=view.parameters.alpha, mode='float',
                                    low=0.0, high=1000.0, width=110, title='α exactly')
-        self._saving = Saving(shared.folder, self._tell_later)
+        self._saving = Saving(shared.folder, self._report_later)
         self._worker = Worker(shared.catalogues, self._offer, is_open)
         self._lay_out()
         self._worker.ask(view)
@@ -115,7 +115,7 @@ class Page:
         try:
             view = dataclasses.replace(self._view, **changes)  # type: ignore[arg-type]
         except ValueError as error:
-            self._tell(str(error), False)
+            self._report(str(error), False)
             return
         if view != self._view:
             self._view = view
@@ -131,7 +131,7 @@ class Page:
                 changes = {'parameters': dataclasses.replace(
                     self._view.parameters, **{name: value})}
         except ValueError as error:
-            self._tell(str(error), False)
+            self._report(str(error), False)
             return False
         self._ask(**changes)
         self._click(*self._clicked)
@@ -157,7 +157,7 @@ class Page:
         try:
             self._trajectory = follow(view.parameters, phase, view.displacement, velocity)
         except ValueError as error:
-            self._tell(str(error), False)
+            self._report(str(error), False)
             return
         self._clicked = (phase, velocity)
         self._figures.show(self._trajectory)
@@ -178,10 +178,10 @@ class Page:
     def _send(self) -> None:
         trajectory, parameters = self._trajectory, self._view.parameters
         if trajectory is None:
-            self._tell('click a point first', False)
+            self._report('click a point first', False)
             return
-        self._tell('looking for the simulator ...', True)
-        threading.Thread(daemon=True, target=lambda: self._tell_later(
+        self._report('looking for the simulator ...', True)
+        threading.Thread(daemon=True, target=lambda: self._report_later(
             *self._shared.link.send(trajectory.state, parameters))).start()
 
     def _offer(self, picture: Picture) -> None:
@@ -209,9 +209,9 @@ class Page:
                 f'{view.velocity[1] - view.velocity[0]:.3g}')
         self._status.text = f'<b style="color:#b22e18">{limit}</b>' if limit else text
 
-    def _tell(self, text: str, is_good: bool) -> None:
+    def _report(self, text: str, is_good: bool) -> None:
         colour = '#222' if is_good else '#b22e18'
         self._message.text = f'<span style="color:{colour}">{html.escape(text)}</span>'
 
-    def _tell_later(self, text: str, is_good: bool) -> None:
-        self._document.add_next_tick_callback(lambda: self._tell(text, is_good))
+    def _report_later(self, text: str, is_good: bool) -> None:
+        self._document.add_next_tick_callback(lambda: self._report(text, is_good))

@@ -19,9 +19,9 @@ PATIENCE: Final = 5.0
 class Saving:
     """Saves one view at a time, in a process of its own; a stopped one can be resumed."""
 
-    def __init__(self, folder: Path, tell: Callable[[str, bool], None]) -> None:
+    def __init__(self, folder: Path, report: Callable[[str, bool], None]) -> None:
         self._folder = folder
-        self._tell = tell
+        self._report = report
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
 
@@ -29,7 +29,7 @@ class Saving:
         """Start saving a view, unless one is being saved, and report how it ends."""
         with self._lock:
             if self._process is not None:
-                self._tell('one view is still being saved', False)
+                self._report('one view is still being saved', False)
                 return
             now = datetime.datetime.now().strftime('%Y-%m-%d-%H%M%S-%f')[:-3]
             place = self._folder / f'{now}-{view.kind}'
@@ -43,10 +43,10 @@ class Saving:
                     stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                     text=True)
             except OSError as error:
-                self._tell(f'cannot save in {place}: {error.strerror}', False)
+                self._report(f'cannot save in {place}: {error.strerror}', False)
                 return
             threading.Thread(target=self._finish, args=(self._process, place), daemon=True).start()
-        self._tell(f'saving into {place} ...', True)
+        self._report(f'saving into {place} ...', True)
 
     def stop(self) -> None:
         """Stop saving; the tiles are kept, and the command in command.txt resumes by --resume."""
@@ -63,6 +63,6 @@ class Saving:
         with self._lock:
             self._process = None
         if process.returncode == 0:
-            self._tell(f'saved in {place}: dataset, picture and the command that makes them', True)
+            self._report(f'saved in {place}: dataset, picture and the command for them', True)
         else:
-            self._tell(f'not saved: {errors[-1] if errors else process.returncode}', False)
+            self._report(f'not saved: {errors[-1] if errors else process.returncode}', False)

@@ -15,7 +15,7 @@ KINDS: Final = (BASINS, LIFETIMES, EXPONENTS)
 CAP: Final = 5_000
 SPAN: Final = 50
 # Initial conditions of the search for attractors, and impacts for which they are followed.
-STARTS: Final = 256
+DRAWN: Final = 256
 HOLD: Final = 20_000
 # Cells along an edge: first, usually last, and where there is time.
 COARSEST: Final = 50
@@ -74,7 +74,7 @@ class View:
         model = [word for name, value in dataclasses.asdict(self.parameters).items()
                  for word in (f'--{name}', repr(value))]
         own = ['--impacts', str(SPAN)] if self.kind == EXPONENTS else [
-            '--cap', str(CAP), '--starts', str(STARTS), '--hold', str(HOLD)]
+            '--cap', str(CAP), '--initial-conditions', str(DRAWN), '--hold', str(HOLD)]
         return [self.kind, *model, '--displacement', repr(self.displacement),
                 '--phase', *map(repr, self.phase), '--velocity', *map(repr, self.velocity),
                 '--size', str(min(FINE, self.finest())), *own, '--output', output,

@@ -31,7 +31,7 @@ LEGEND_MOST: Final = 5
 # An attractor in fewer columns than this share is not in the legend.
 RARE: Final = 0.02
 ALPHA_LABEL: Final = 'amplitude of the drive, alpha [1]'
-SWEEPS: Final = {'starts': 'from many initial conditions at each alpha',
+SWEEPS: Final = {'random': 'from many initial conditions at each alpha',
                  'up': 'followed upwards in alpha', 'down': 'followed downwards'}
 
 
@@ -55,7 +55,8 @@ def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         panels[-1].tick_params(labelbottom=False)
         draw_raster(panels[-1], dataset, k, merged, looks)
         if len(sweeps) > 1:
-            panels[-1].text(0.01, 0.02, SWEEPS[sweep], transform=panels[-1].transAxes, color=GREY)
+            panels[-1].text(0.01, 0.02, SWEEPS.get(sweep, sweep),
+                            transform=panels[-1].transAxes, color=GREY)
         bottom -= GAP
     if exponent:
         panels.append(add_axes(figure, LEFT, bottom - below, width, below))

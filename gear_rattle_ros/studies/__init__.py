@@ -1,1 +1,1 @@
-"""One file a question: basins, lifetimes, orbit diagrams, crises."""
+"""One file per question: basins, lifetimes, orbit diagrams, crises."""

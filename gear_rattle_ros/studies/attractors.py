@@ -53,7 +53,7 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
 
 def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str = '') -> str:
     """Put the attractors of a dataset in words, with the cells of a grid by label."""
-    # What is known `beside` them follows; where areas are kept, one line is all.
+    # What is known `beside` them follows; where areas are preserved, one line is all.
     if conserves_areas(parameters_of(dataset)):
         return CONSERVES
     # A grid may reach rest that no random initial condition did.

@@ -120,7 +120,7 @@ class Search:
     def __init__(self, diagram: Diagram, store: Store, tolerance: float, hold: int) -> None:
         self._diagram, self._tolerance, self._hold = diagram, tolerance, hold
         self._numbers, self._kinds, self._keys, self._states, self._periods = (
-            store.read_all(name)[diagram.sweeps.index('starts')] for name in (
+            store.read_all(name)[diagram.sweeps.index('random')] for name in (
                 'attractor', 'kind', 'key', 'member_state', 'period_impacts'))
         self._runs = list(self._runs_of_chaos())
         self._families: list[Family] = []
@@ -214,7 +214,7 @@ class Search:
                        float(alphas[cells[after][0] if after < len(cells) else -1]))
 
     def _not_located(self) -> Iterator[Event]:
-        # The ends of what could not be followed are known by the columns alone.
+        # The ends of what could not be followed are known from the columns alone.
         for n in range(int(self._numbers.max()) + 1):
             cells = np.argwhere(self._numbers == n).tolist()
             for (column, slot), beyond in ((cells[0], -1), (cells[-1], 1)):

@@ -37,14 +37,14 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
     hold : int
         A chaotic attractor lasts where trajectories stay for this number of impacts.
     tolerance : float
-        Of the ends of chaotic attractors, in alpha [1].
+        Accuracy of the ends of chaotic attractors, in alpha [1].
 
     """
     if not 1e-12 <= tolerance <= 1e-2:
         raise ValueError(f'--tolerance {tolerance:g} is not between 1e-12 and 1e-2')
     work = Work(**options)
     diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
-                      Window(keep, bins=BINS, hold=hold), ('starts',))
+                      Window(keep, bins=BINS, hold=hold), ('random',))
     store = compute(diagram, work, NAME)
     search = Search(diagram, store, tolerance, hold)
     with work.report('continuation, searches for events', search.size) as progress:

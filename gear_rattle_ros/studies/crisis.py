@@ -47,7 +47,7 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
         The model, and its amplitudes before and beyond the crisis [1].
     plane, seed
         The window from which initial conditions are drawn, and their seed; by default it lies at
-        s = -0.5, as off the walls hardly any sticks: those that do all go on as one trajectory.
+        s = -0.5, because off the walls hardly any sticks: those that do go on as one trajectory.
     beyond : tuple of float
         Distances from the crisis at which escapes are timed [1].
     rates, escapes : int

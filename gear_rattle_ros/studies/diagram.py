@@ -21,7 +21,7 @@ from ..store.layout import Axis, Layout, Variable
 SLOTS: Final = 6
 # Columns of a tile.
 TILE: Final = 8
-SWEEPS: Final = ('starts', 'up', 'down')
+SWEEPS: Final = ('random', 'up', 'down')
 KINDS: Final = tuple(kind.value for kind in Kind)
 # Longest name.
 KEY: Final = '<U48'
@@ -51,6 +51,8 @@ class Diagram:
             raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
             raise ValueError(f'trajectories = {self.trajectories} is not between 1 and 100000')
+        if not self.sweeps or not {*self.sweeps} <= {*SWEEPS}:
+            raise ValueError(f'sweeps = {self.sweeps!r} must name some of {", ".join(SWEEPS)}')
 
     @property
     def values(self) -> FloatArray:
@@ -80,7 +82,7 @@ def layout_of(diagram: Diagram) -> Layout:
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     axes = (
         Axis('sweep', np.array(diagram.sweeps), named(
-            'starts: many at each alpha; up, down: followed from the last state', None), 1),
+            'random: drawn at each alpha; up, down: followed from the last state', None), 1),
         Axis('alpha', diagram.values, named('amplitude of the drive'), TILE),
         Axis('slot', np.arange(SLOTS), named('attractors at one alpha, largest first', None)),
         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]),

@@ -19,7 +19,7 @@ from ..core.flight.lanes_step import LANES
 from ..core.many.escape import EscapeRate
 from ..core.many.orbit_table import dilated
 from ..core.many.recognition import find_orbit
-from ..core.many.recorded import record_impacts, starts_after
+from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RecordArray, RESTS_LOWER, RESTS_UPPER
 from ..core.model import ALPHA_MAXIMUM, Parameters
 from ..core.orbits.branches import Change, follow, is_own_image, Turn
@@ -77,8 +77,8 @@ class End:
     """Where a chaotic attractor ends."""
 
     # window: a stable orbit is born and replaces it; crisis: trajectories escape from it; interior
-    # crisis: they come back to it now and then; orbit: it is no end, but goes on as an orbit whose
-    # doublings lead up to it.
+    # crisis: they come back to it now and then; orbit: it does not end, but goes on as an orbit
+    # whose doublings lead up to it.
     kind: str
     alpha: float
     uncertainty: float  # how far off alpha can be [1]
@@ -163,7 +163,7 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                     if isinstance(after, Orbit):
                         break
             else:
-                # A window narrower than a column is no end: chaos is back behind or next to it.
+                # A window narrower than a column is not an end: chaos is back beyond it.
                 column = edge - direction * width * (
                     math.ceil(direction * (edge - low) / width - 1e-6) - 1)
                 beyond = go_to(direction * min(direction * _far_side(captor, turn, direction),
@@ -278,7 +278,7 @@ def _go_on(parameters: Parameters, states: RecordArray
     # States after a round, its last impacts, and who is at rest or on a stable orbit.
     rows, counts = record_impacts(at_parameters(parameters, states), ROUND - KEPT, KEPT)
     last = rows[:, -1]
-    after = starts_after(parameters, last['phase'], last['velocity'])
+    after = initial_after(parameters, last['phase'], last['velocity'])
 
     def captors() -> Iterator[tuple[int, Orbit | str]]:
         for i, row in enumerate(rows):
@@ -288,7 +288,7 @@ def _go_on(parameters: Parameters, states: RecordArray
                 continue
             q = int(shortest_recurrence(row, KEPT // 2, RECURS))
             if q:
-                # An orbit that sticks is no root of Newton's method.
+                # Newton's method does not find an orbit that sticks.
                 orbit = close_near(parameters, row[-q:]) or find_orbit(
                     parameters, row, KEPT // 2, RECURS)
                 if orbit is not None and orbit.is_stable:

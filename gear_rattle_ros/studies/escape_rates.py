@@ -30,8 +30,8 @@ class LifetimeLaw:
 
 def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) -> LifetimeLaw:
     """Fit the law to four or more positive escape rates, by least squares of their logarithms."""
-    # About the law the rates of a fractal set wave by some per cent, which no number of
-    # trajectories lessens; so the errors are the largest of those of the fit, those of a jackknife
+    # The rates of a fractal set oscillate about the law by some per cent, whatever the number of
+    # trajectories; so the errors are the largest of those of the fit, those of a jackknife
     # that leaves out a quarter of the amplitudes at a time, and the change when only the nearer
     # half is fitted; and the place is never known better than the nearest amplitude is near.
     given = np.array([alphas, rates, errors], np.float64)

@@ -60,7 +60,7 @@ def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
     part, shape = store.tiles[tile], _shape(store, tile)
     level = Level(plane.cells(known.parameters, part['velocity'], part['phase']), shape, cap,
                   slice_impacts=math.inf)
-    # As it stays where areas are kept.
+    # As it stays where areas are preserved.
     grids = {name: np.full(shape, value, RESULT[name]) for name, value in zip(
         GRIDS, (UNSETTLED, cap, EMPTY, math.nan), strict=True)}
     if known.late:

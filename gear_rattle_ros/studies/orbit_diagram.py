@@ -55,13 +55,14 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
     bins, bin_window
         Bins of the velocity, and their window [1].
     sweeps : tuple of str
-        Of 'starts' (many initial conditions at each alpha), 'up' and 'down' (followed).
+        Of 'random' (initial conditions drawn at each alpha), 'up' and 'down' (followed).
 
     """
     return compute(Diagram(
         parameters, alphas, columns, plane or Plane(), trajectories, seed,
         Window(keep, *bin_window, bins, hold),
-        tuple(sweep for sweep in SWEEPS if sweep in sweeps)), Work(**options))
+        tuple(dict.fromkeys([*(name for name in SWEEPS if name in sweeps), *sweeps]))),
+        Work(**options))
 
 
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
@@ -92,7 +93,7 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     ends = np.full((len(columns), LANES, len(STATE)), math.nan)
     found: dict[int, list[Branch]] = {}
     order = list(columns) if sweep != 'down' else list(reversed(columns))
-    is_followed = sweep != 'starts'
+    is_followed = sweep != 'random'
     states = _states_before(diagram, store, tile, order[0]) if is_followed else None
     known: tuple[Orbit, ...] = ()
     for c in order:

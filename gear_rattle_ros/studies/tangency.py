@@ -124,7 +124,7 @@ def find_tangency(boundary: Boundary, low: float, high: float,
         else:
             high, above = middle, edge
         if high - low < 1e-9:
-            raise ValueError(f'the distance jumps at alpha = {low:.9g}: this is no tangency')
+            raise ValueError(f'the distance jumps at alpha = {low:.9g}: this is not a tangency')
     roots, slope = [], (above.distance - below.distance) / (high - low)
     for seed in (SEED_DISTANCE, 3.0 * SEED_DISTANCE):
         alpha, edge = low, look(low, seed=seed)

@@ -17,10 +17,10 @@ from gear_rattle_ros.store.store import open_dataset
 
 
 def search(parameters: Parameters, count: int = 200, seed: int = 1, **settings):
-    """Search from random starts of the default window."""
+    """Search from random initial conditions of the default window."""
     settings = {'hold': 4000, **settings}
-    starts = Plane().draw(parameters, count, seed)
-    return find_attractors(parameters, starts, **settings)
+    initial = Plane().draw(parameters, count, seed)
+    return find_attractors(parameters, initial, **settings)
 
 
 @pytest.fixture(scope='module')
@@ -91,7 +91,7 @@ def test_keys_do_not_depend_on_the_seed_and_shares_agree():
 
 
 def test_threads_change_nothing():
-    """The labels of the random starts are the same with one thread and with three."""
+    """The labels of random initial conditions are the same with one thread and with three."""
     one, three = (search(Parameters(alpha=0.51), 600, threads=threads) for threads in (1, 3))
     assert np.array_equal(one.labels, three.labels)
     assert [orbit.key for orbit in one.orbits] == [orbit.key for orbit in three.orbits]
@@ -105,7 +105,7 @@ def test_an_orbit_is_given_with_its_smallest_period():
 
 
 def test_a_long_transient_is_not_called_an_attractor():
-    """Just above the crisis nothing has a positive exponent for ever: what is left is counted."""
+    """Just above the crisis no positive exponent lasts: what has not settled is counted."""
     catalogue = search(Parameters(alpha=1.244), 40, hold=3000)
     left = int(np.sum(catalogue.labels == UNSETTLED))
     assert not catalogue.chaotic
@@ -114,12 +114,12 @@ def test_a_long_transient_is_not_called_an_attractor():
 
 
 def test_an_orbit_that_sticks_is_recognised():
-    """A soft wall: the mass chatters to rest, leaves at a certain phase, and comes back."""
+    """A soft wall: the gear chatters to rest, leaves at a certain phase, and comes back."""
     catalogue = search(Parameters(alpha=0.15, restitution=0.3))
     orbit, = catalogue.orbits
     assert orbit.sticks == 0
     assert np.all(orbit.multipliers == 0)
-    # Released where a(tau, 0) = 0, the mass is at the other end of the orbit a flight later.
+    # Released where a(tau, 0) = 0, the gear is at the other end of the orbit a flight later.
     assert abs(orbit.velocities).min() < 1e-9
     assert np.all(catalogue.labels != UNSETTLED)
 
@@ -127,7 +127,8 @@ def test_an_orbit_that_sticks_is_recognised():
 def test_the_tool_writes_what_it_prints(tmp_path, capsys):
     """Keys, shares and points are in the store; the picture is drawn."""
     path, picture = tmp_path / 'a.zarr', tmp_path / 'a.png'
-    assert main(['--starts', '100', '--output', str(path), '--picture', str(picture)]) == 0
+    assert main(['--initial-conditions', '100', '--output', str(path),
+                 '--picture', str(picture)]) == 0
     printed = capsys.readouterr().out
     dataset = open_dataset(path)
     for key in dataset['attractor_key'].values:
@@ -176,7 +177,7 @@ def test_keys_of_chaotic_attractors_do_not_depend_on_the_seed(alpha, impacts):
 
 def test_a_search_can_be_given_up_all_along() -> None:
     """Checks come all along, and the one that raises is the last."""
-    starts = Plane().draw(Parameters(1.0), 60, 1)
+    initial = Plane().draw(Parameters(1.0), 60, 1)
     calls = []
 
     class GivenUp(Exception):
@@ -185,7 +186,7 @@ def test_a_search_can_be_given_up_all_along() -> None:
     def check() -> None:
         calls.append(None)
 
-    find_attractors(Parameters(1.0), starts, hold=60_000, threads=1, check=check)
+    find_attractors(Parameters(1.0), initial, hold=60_000, threads=1, check=check)
     assert len(calls) > 10
     most = len(calls) // 2
     calls.clear()
@@ -196,5 +197,5 @@ def test_a_search_can_be_given_up_all_along() -> None:
             raise GivenUp
 
     with pytest.raises(GivenUp):
-        find_attractors(Parameters(1.0), starts, hold=60_000, threads=1, check=check_and_give_up)
+        find_attractors(Parameters(1.0), initial, hold=60_000, threads=1, check=check_and_give_up)
     assert len(calls) == most

@@ -1,4 +1,4 @@
-"""Threads and a cluster of processes compute the same; what fails is told."""
+"""Threads and a cluster of processes compute the same; failures are reported."""
 
 import os
 import signal
@@ -33,7 +33,7 @@ def test_every_tile_is_done_once(threads):
 
 
 def test_what_a_tile_raises_is_raised():
-    """A failure ends the run; what was finished before it was told."""
+    """A failure ends the run; what was finished before it was reported."""
     def work(tile):
         if tile == 5:
             raise ValueError('tile 5')
@@ -45,7 +45,7 @@ def test_what_a_tile_raises_is_raised():
     assert told == [0, 1, 2, 3, 4]
 
 
-def test_no_scheduler_is_said_in_one_line(monkeypatch):
+def test_a_missing_scheduler_is_reported_in_one_line(monkeypatch):
     """An address at which nothing listens."""
     pytest.importorskip('distributed')
     monkeypatch.setattr(engine, 'PATIENCE', 0.5)
@@ -86,7 +86,7 @@ def test_a_cluster_with_a_killed_worker_gives_the_same_store(tmp_path, monkeypat
 def test_a_cluster_finds_the_same_attractors(tmp_path):
     """What `attractors` writes with --cluster is what it writes without."""
     distributed = pytest.importorskip('distributed')
-    common = ['--alpha', '0.57', '--starts', '200', '--hold', '4000']
+    common = ['--alpha', '0.57', '--initial-conditions', '200', '--hold', '4000']
     with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
             dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:

@@ -53,7 +53,7 @@ def first(request):
                            effort=BRIEF)
 
 
-# So many standard errors apart: for some hundred comparisons.
+# Largest difference, in standard errors, among some hundred comparisons.
 APART = 4.5
 
 
@@ -118,11 +118,11 @@ def test_continuation_agrees(first, tmp_path):
 
 def test_the_live_detector_agrees(first):
     """What the detector sees in the stream of one initial condition is its label."""
-    starts = Plane().draw(first.parameters, 300, 1)[:6]
-    for start, result in zip(starts, first.label(starts), strict=True):
+    initial = Plane().draw(first.parameters, 300, 1)[:6]
+    for origin, result in zip(initial, first.label(initial), strict=True):
         detector = TransientDetector()
         simulation = Simulation(first.parameters, State(
-            0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+            0, float(origin['phase']), float(origin['displacement']), float(origin['velocity'])))
         attractor = {each.label: each for each in first.attractors}.get(int(result['label']))
         kind = attractor.kind if attractor else Kind.UNSETTLED
         # An orbit is reported when it has recurred for long.
@@ -241,8 +241,8 @@ def test_pieces_are_counted_across_trajectories(pieces):
 
 @pytest.mark.parametrize('tool', [attractors, basins, lifetimes],
                          ids=lambda tool: tool.main.name)
-def test_what_keeps_areas_has_no_attractors(tool, tmp_path, monkeypatch, capsys):
-    """With r = 1 and beta = 0 the determinant is 1: one line says so, and nothing is followed."""
+def test_what_preserves_areas_has_no_attractors(tool, tmp_path, monkeypatch, capsys):
+    """With r = 1 and beta = 0 the determinant is 1: one line reports it; nothing is followed."""
     parameters, path = Parameters(0.1, 0.0, 0.0, 1.0), tmp_path / 'a.zarr'
     only, = find_attractors(parameters).attractors
     assert (only.kind, only.share) == (Kind.UNSETTLED, 1.0)
@@ -282,9 +282,9 @@ def test_shares_scatter_as_their_errors_say(alpha):
 def test_labels_of_the_catalogue_are_those_of_its_search():
     """Following the same initial conditions once more gives the same labels."""
     parameters = Parameters(alpha=0.505)
-    starts = Plane().draw(parameters, 200, 6)
-    catalogue = find_attractors(parameters, starts, hold=10_000)
-    assert np.array_equal(catalogue.label(starts)['label'], catalogue.labels)
+    initial = Plane().draw(parameters, 200, 6)
+    catalogue = find_attractors(parameters, initial, hold=10_000)
+    assert np.array_equal(catalogue.label(initial)['label'], catalogue.labels)
     # An orbit that is added later gets the last label.
     orbit = catalogue.orbits[0]
     fewer = dataclasses.replace(catalogue, orbits=catalogue.orbits[1:])

@@ -21,8 +21,8 @@ CONSERVING = Parameters(0.1, 0.0, 0.0, 1.0)
 
 def level_of(parameters: Parameters, **settings) -> Level:
     """Return a level of the plane."""
-    starts = PLANE.cells(parameters, slice(0, EDGE), slice(0, EDGE))
-    return Level(starts, (EDGE, EDGE), CAP, **settings)
+    initial = PLANE.cells(parameters, slice(0, EDGE), slice(0, EDGE))
+    return Level(initial, (EDGE, EDGE), CAP, **settings)
 
 
 @pytest.fixture(scope='module')
@@ -76,7 +76,7 @@ def test_late_orbits_enter_all_later_levels() -> None:
     assert [each.key for each in late_orbits(known, second).late] == [found[-1].late[0].key]
 
 
-def test_nothing_is_followed_where_areas_are_kept() -> None:
+def test_nothing_is_followed_where_areas_are_preserved() -> None:
     """There are no attractors to settle on."""
     level = level_of(CONSERVING)
 

@@ -35,7 +35,7 @@ def followed(state: State) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize('on_walls', [True, False])
-def test_starts_end_where_the_simulation_ends(on_walls: bool) -> None:
+def test_initial_conditions_end_where_the_simulation_ends(on_walls: bool) -> None:
     """A sample of cells, on the section and at one displacement."""
     last = pictures(TWO_ATTRACTORS, (50, 60), on_walls=on_walls)[-1]
     periods = [orbit.impacts for orbit in last.catalogue.orbits]
@@ -100,7 +100,7 @@ def test_work_is_dropped() -> None:
 
 
 def test_hints_are_followed() -> None:
-    """A point of an orbit leads to it, whatever the random starts do."""
+    """A point of an orbit leads to it, whatever the random initial conditions do."""
     seen, _ = glance(TWO_ATTRACTORS, NO_HINTS)
     orbit = seen.orbits[0]
     hint = np.array([[orbit.walls[0], orbit.phases[0], orbit.velocities[0]]])
@@ -120,16 +120,16 @@ def test_sizes_double(largest: int, sizes: tuple[int, ...]) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize('alpha', [0.57, 1.0, 1.1, 1.7])
-def test_chaos_told_early_is_chaos(alpha: float) -> None:
-    """All of 400 x 400 starts against stays of 1024 impacts in the boxes."""
+def test_chaos_reported_early_is_chaos(alpha: float) -> None:
+    """All of 400 x 400 initial conditions against stays of 1024 impacts in the boxes."""
     fine, *_ = [picture for picture in reversed(pictures(Parameters(alpha), (50, 400, 401)))
                 if picture.plane.phases == 400]
     catalogue = fine.catalogue
     assert catalogue.stay < 128 and fine.share(UNSETTLED) < 0.001
-    starts = fine.plane.cells(catalogue.parameters, slice(0, 400), slice(0, 400))
-    starts['displacement'] = np.where(starts['velocity'] < 0.0, -1.0, 0.0)
+    initial = fine.plane.cells(catalogue.parameters, slice(0, 400), slice(0, 400))
+    initial['displacement'] = np.where(initial['velocity'] < 0.0, -1.0, 0.0)
     certain = dataclasses.replace(catalogue, stay=1024).label(
-        starts, 20_000)['label'].reshape(400, 400)
+        initial, 20_000)['label'].reshape(400, 400)
     compared = (certain != UNSETTLED) & (fine.labels != UNSETTLED)
     assert compared.mean() > 0.99
     assert np.array_equal(fine.labels[compared], certain[compared])

@@ -68,7 +68,7 @@ def test_rosbags_finds_the_events_bit_for_bit(bag: Path) -> None:
 
 
 def test_metadata_agrees_with_the_statistics_of_the_file(bag: Path) -> None:
-    """metadata.yaml, the file's own statistics and rosbags say the same."""
+    """metadata.yaml, the file's own statistics and rosbags agree."""
     text = (bag / 'metadata.yaml').read_text()
     information = yaml.safe_load(text)['rosbag2_bagfile_information']
     with (bag / 'whole_0.mcap').open('rb') as stream:
@@ -155,7 +155,7 @@ def test_a_cut_file_gives_its_whole_chunks(tmp_path: Path, compression: str) -> 
     with file.open('rb') as stream:
         index = make_reader(stream).get_summary().chunk_indexes
     ends = [chunk.chunk_start_offset + chunk.chunk_length for chunk in index]
-    # Every cut through the head of a record too: nine bytes behind the end of a chunk.
+    # Every cut through the head of a record too: nine bytes after the end of a chunk.
     sizes = {*range(100, len(whole) - 1, len(whole) // 40), *(ends[0] + i for i in range(10))}
     for size in sorted(sizes):
         file.write_bytes(whole[:size])
@@ -173,7 +173,7 @@ def test_a_cut_file_gives_its_whole_chunks(tmp_path: Path, compression: str) -> 
 
 
 def test_a_growing_bag_can_be_read(tmp_path: Path) -> None:
-    """After a flush, another process sees what has been written, and metadata.yaml says so."""
+    """After a flush, another process sees what has been written, and metadata.yaml agrees."""
     writer = BagWriter(tmp_path / 'bag')
     channel = writer.add_topic(topic('/impacts', 'sensor_msgs/msg/PointCloud2'))
     for number, cloud in enumerate(CLOUDS):
@@ -315,7 +315,7 @@ def test_damaged_clouds_are_refused_or_read(cut: int, place: int, flip: int) -> 
 
 
 def test_every_fault_is_one_line_that_names_the_file(bag: Path, tmp_path: Path) -> None:
-    """Nothing else than BagError comes out, and it says where."""
+    """Only BagError comes out, and it names the place."""
     (tmp_path / 'text.mcap').write_text('no bag, just some words')
     (tmp_path / 'nothing.mcap').write_bytes(b'')
     (tmp_path / 'empty').mkdir()

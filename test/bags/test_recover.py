@@ -82,13 +82,13 @@ def test_a_cut_bag_is_recovered_up_to_the_cut(bag: Path) -> None:
         seen = len(found)
         assert recovery.unclosed == (file,)
         last = int(list(Bag(output).events())[-1]['index'][-1])
-        assert f'/impacts: what came behind impact {last} is lost' in str(recovery)
+        assert f'/impacts: what came after impact {last} is lost' in str(recovery)
         assert file.read_bytes() == whole[:size]
     assert seen > 150
 
 
 def test_flipped_bits_cost_the_chunk_they_are_in(bag: Path) -> None:
-    """A flip anywhere, also in a length or the very first chunk; what is missing is told."""
+    """A flip anywhere, also in a length or the very first chunk; what is missing is reported."""
     everything = contents(bag)
     file = bag / 'bag_0.mcap'
     whole = file.read_bytes()

@@ -47,7 +47,7 @@ class Log:
 
     def batch(self, events: EventArray, stamp: Time, estimate: bool = True, report: bool = True,
               is_recorded: bool = True, bend: Callable[[dict], None] | None = None) -> None:
-        """Write a batch and what the nodes say to it."""
+        """Write a batch and what the nodes publish after it."""
         if is_recorded:
             self.put('/impacts', cloud_from_events(events, stamp))
         if estimate:
@@ -63,7 +63,7 @@ class Log:
                     transient_values(change) | {'tolerance': 1e-3}, stamp))
 
     def kernels(self, name: str) -> None:
-        """Let the simulator say which kernels it has."""
+        """Let the simulator report which kernels it has."""
         self.put('/diagnostics', diagnostic_array(
             'simulator: simulator', '', 'ok', '', {'kernels': name}, Time()))
 
@@ -79,7 +79,7 @@ def batches(size: int = 200) -> list[EventArray]:
 
 
 def test_a_whole_run_is_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every flight, estimate and report is found again; the .mcap file alone will do."""
+    """Every flight, estimate and report is reproduced; the .mcap file alone will do."""
     log = Log(tmp_path / 'bag')
     log.kernels(fingerprint())
     for number, events in enumerate(batches()):
@@ -99,12 +99,12 @@ def test_a_whole_run_is_verified(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_nodes_that_come_in_late_or_again(tmp_path: Path) -> None:
-    """An average begins where its node came in, which the estimates themselves tell."""
+    """An average begins where its node came in, as the estimates themselves show."""
     log = Log(tmp_path / 'bag')
     for number, events in enumerate(batches()):
         if number == 9:
             log.running, log.detector = RunningLyapunov(100), TransientDetector(1e-3)
-        # They come in at the third batch, are started anew at the tenth, and say little.
+        # They come in at the third batch, are started anew at the tenth, and publish little.
         log.batch(events, Time(sec=number), number >= 2, number >= 2)
     log.writer.close()
     verdict = verify(tmp_path / 'bag')
@@ -153,7 +153,7 @@ def test_the_first_wrong_record_is_named(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By message, place, index and epoch; and what the kernels have to do with it."""
     for name, kernels, words in (
-            ('a', 'f' * 16, f'other kernels ({"f" * 16})'), ('b', '', 'does not say which'),
+            ('a', 'f' * 16, f'other kernels ({"f" * 16})'), ('b', '', 'does not name the kernels'),
             ('c', fingerprint(), '')):
         log = Log(tmp_path / name)
         if kernels:
@@ -172,7 +172,7 @@ def test_the_first_wrong_record_is_named(
         assert words or 'kernels' not in line
 
 
-def test_holes_are_told_and_are_not_verified(
+def test_holes_are_reported_and_not_verified(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By impact and epoch; what is between them is, estimates of one who had it all aside."""
     log = Log(tmp_path / 'bag')

@@ -1,4 +1,4 @@
-"""Bad input is refused in one line; Ctrl-C keeps what is done and says how to go on."""
+"""Bad input is refused in one line; Ctrl-C keeps what is done and shows how to resume."""
 
 import importlib
 import inspect
@@ -46,7 +46,7 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('basins', '--zoom-levels 2 --zoom-at 1 9', 'velocity 9 is outside'),
     ('basins', '--zoom-levels 2 --zoom-factor 1', '--zoom-factor 1 is not'),
     ('lifetimes', '--cap 100 --tail 100', 'does not lie below the cap'),
-    ('attractors', '--starts 0', "'0' is not a whole number from 1 on"),
+    ('attractors', '--initial-conditions 0', "'0' is not a whole number from 1 on"),
     ('attractors', '--sizes 3', 'unrecognized arguments'),
 ])
 def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path, monkeypatch):
@@ -84,7 +84,7 @@ def test_options_and_functions_have_the_same_defaults(name):
 
 def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
     """--resume goes on with the same result only."""
-    common = ['--size', '6', '--starts', '20', '--output', str(tmp_path / 'a.zarr')]
+    common = ['--size', '6', '--initial-conditions', '20', '--output', str(tmp_path / 'a.zarr')]
     assert basins.main(common) == 0
     assert basins.main(common) == 2
     assert 'add --resume' in capsys.readouterr().err
@@ -94,8 +94,9 @@ def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('tool', 'options', 'grids'), [
-    ('basins', '--alpha 1.244 --cap 3000 --starts 64 --hold 3000', ('label', 'lifetime')),
-    pytest.param('lifetimes', '--cap 4000 --starts 64 --hold 4000',
+    ('basins', '--alpha 1.244 --cap 3000 --initial-conditions 64 --hold 3000',
+     ('label', 'lifetime')),
+    pytest.param('lifetimes', '--cap 4000 --initial-conditions 64 --hold 4000',
                  ('label', 'lifetime', 'survival'), marks=pytest.mark.long)])
 def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     """A real process is interrupted, and the command it prints finishes the store."""
@@ -143,11 +144,12 @@ def test_exponents_are_drawn(tmp_path):
 
 
 @pytest.mark.parametrize('tool', sorted(TOOLS))
-def test_every_dataset_says_what_it_is(tmp_path, tool):
+def test_every_dataset_describes_itself(tmp_path, tool):
     """Names and units of all arrays, coordinates of the grid, parameters, versions, command."""
     path = tmp_path / 'a.zarr'
     grid = [] if tool == 'attractors' else ['--size', '5', '4', '--cap', '900']
-    options = ['--beta', '0.11', '--starts', '30', '--hold', '1000', *grid, '--output', str(path)]
+    options = ['--beta', '0.11', '--initial-conditions', '30', '--hold', '1000', *grid,
+               '--output', str(path)]
     assert TOOLS[tool](options) == 0
     dataset = open_dataset(path)
     for name, array in dataset.variables.items():
@@ -179,7 +181,7 @@ def test_numbers(text, value):
     assert parser.parse_args(['--window', text, '3']).window == [value, 3.0]
 
 
-def test_progress_tells_rate_and_time_left(capsys, monkeypatch):
+def test_progress_has_rate_and_time_left(capsys, monkeypatch):
     """Half done in ten seconds: ten more, and the impacts by the seconds."""
     now = [100.0]
     monkeypatch.setattr(time, 'monotonic', lambda: now[0])
@@ -189,7 +191,7 @@ def test_progress_tells_rate_and_time_left(capsys, monkeypatch):
     progress.add(100, 33_000_000)
     assert capsys.readouterr().err == (
         'basins: 200 of 300, 3.0 million impacts/s, 11 s left\n')
-    # What a log tells ends with the end.
+    # The last line of a log is that all is done.
     progress.add(100, 33_000_000)
     assert not capsys.readouterr().err
     progress.__exit__()

@@ -111,7 +111,7 @@ def test_determinant_of_an_orbit(p: Parameters, orbits: set[tuple[int, int]]) ->
 @pytest.mark.parametrize('restitution', [0.2, 0.9])
 def test_chatter_under_the_load_alone_ends_at_a_known_time(
         velocity: float, restitution: float) -> None:
-    """Without drive and drag the mass is stuck at 2 v/(gamma (1 - r)), and rests for ever."""
+    """Without drive and drag the gear sticks at 2 v/(gamma (1 - r)), and rests permanently."""
     simulation = Simulation(Parameters(0.0, 0.0, 0.1, restitution), State(0, 0.0, 0.0, -velocity))
     events = simulation.advance(FAR, 0.0, 10_000)
     assert events['kind'][-1] == EventKind.STICK and simulation.is_permanently_at_rest

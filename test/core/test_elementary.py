@@ -149,8 +149,8 @@ def test_kernels_call_no_function_that_a_library_may_round_in_its_own_way() -> N
     assert kernels > 50
 
 
-def test_the_fingerprint_hears_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One case of the fingerprint is noisy: the draws have a name too."""
+def test_the_fingerprint_depends_on_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One case of the fingerprint is noisy, so it covers the draws too."""
     plain = fingerprint.fingerprint()
     monkeypatch.setattr(fingerprint, '_NOISE', (0.0,) * len(fingerprint._CASES))
     assert fingerprint.fingerprint.__wrapped__() != plain
@@ -159,7 +159,7 @@ def test_the_fingerprint_hears_of_noise(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_relaxation_functions_of_every_damping() -> None:
-    """E, B and C are good to a few ulp, from no damping that is felt to all of it."""
+    """E, B and C are good to a few ulp, from negligible damping to complete decay."""
     rng = np.random.default_rng(9)
     durations = sample(1e-9, 400.0, 300)
     dampings = np.concatenate([sample(1e-18, 100.0, 280), rng.uniform(0.09, 0.11, 20)])
@@ -167,7 +167,7 @@ def test_relaxation_functions_of_every_damping() -> None:
         x, b = mp.mpf(float(d)), mp.mpf(float(beta))
         fall = -mp.expm1(-b * x) / b
         decay, integral, second = relaxation(float(d), float(beta))
-        allowed = 1.5 + float(b * x)  # A rounded exponent beta d is worth so much.
+        allowed = 1.5 + float(b * x)  # The rounding of the exponent beta d allows this error.
         assert ulps(decay, mp.exp(-b * x)) < allowed
         assert ulps(integral, fall) < 3.0
         assert ulps(second, (x - fall) / b) < 8.0

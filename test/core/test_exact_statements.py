@@ -23,7 +23,7 @@ def times(events: EventArray) -> np.ndarray:
 
 @functools.cache
 def settled(alpha: float, period: int) -> tuple[EventArray, TransientReport]:
-    """Return 3000 events on an orbit of so many impacts at the paper's beta, gamma and r."""
+    """Return 3000 events on an orbit of `period` impacts at the paper's beta, gamma and r."""
     rng = np.random.default_rng(1)
     for _ in range(60):
         simulation = Simulation(Parameters(alpha), State(
@@ -129,7 +129,7 @@ def test_sum_of_the_exponents(alpha: float, beta: float, gamma: float, restituti
     """lambda_1 + lambda_2 = 2 ln r - beta <D> for every trajectory, to rounding."""
     simulation = Simulation(
         Parameters(alpha, beta, gamma, restitution), State(0, 1.0, 0.0, -velocity))
-    # Some come to swing between the walls without any impact: not for ever, then.
+    # Some come to swing between the walls without any impact, so the time is limited.
     events = simulation.advance(2000, 0.0, 400)
     if len(events) < 2 or EventKind.STICK in events['kind'] or (events['velocity'] == 0.0).any():
         return

@@ -31,7 +31,7 @@ def proved_bound(d: float) -> float:
     return 338.0 + (4.0 + 69.0 / math.pi) * d
 
 
-def random_starts(seed: int, count: int) -> Array:
+def random_states(seed: int, count: int) -> Array:
     """Return phase, s, v, alpha, beta, gamma of any size, some of them exactly zero."""
     rng = np.random.default_rng(seed)
 
@@ -73,10 +73,10 @@ def tangencies(seed: int, count: int) -> Iterator[Flight]:
                          alpha, beta, gamma)
 
 
-def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
+def test_force_changes_its_sign_where_predicted_and_not_before() -> None:
     """At most two zeros of a(tau, 0) in a drive period: the next is returned, in 50 digits."""
     with mp.workdps(DIGITS):
-        for phase, _, _, alpha, beta, gamma in random_starts(1, 100).tolist():
+        for phase, _, _, alpha, beta, gamma in random_states(1, 100).tolist():
             f = Flight(phase, 0.0, 0.0, alpha, beta, gamma)
             delay = force_zero_delay(phase, 1e-14, f.model)
             size = alpha * (1.0 + beta) + abs(gamma)
@@ -95,7 +95,7 @@ def test_force_changes_its_sign_where_it_is_said_to_and_not_before() -> None:
 def test_a_flight_turns_once_at_most_between_zeros_of_the_force() -> None:
     """exp(beta t) v has the derivative exp(beta t) a(tau, 0), so v changes its sign once."""
     with mp.workdps(DIGITS):
-        for phase, s, v, alpha, beta, gamma in random_starts(2, 40).tolist():
+        for phase, s, v, alpha, beta, gamma in random_states(2, 40).tolist():
             f = Flight(phase, s, v, alpha, beta, gamma)
             delay = force_zero_delay(phase, 1e-14, f.model)
             t = mp.mpf(delay) / 3
@@ -128,10 +128,10 @@ def test_halvings_end_at_neighbours() -> None:
 
 
 @numba.njit
-def by_bisection(starts, found):  # type: ignore[no-untyped-def]
+def by_bisection(states, found):  # type: ignore[no-untyped-def]
     """Write impacts found by bisection alone: d, velocity, wall, stretches, most evaluations."""
-    for i in range(len(starts)):
-        phase, s, v, alpha, beta, gamma = starts[i]
+    for i in range(len(states)):
+        phase, s, v, alpha, beta, gamma = states[i]
         model = Model(alpha, beta, gamma, 1.0)
         d, _, velocity, wall = search_impact(0.0, 0, 0.0, phase, s, v, model)
         stretches = most = last = 0
@@ -145,10 +145,10 @@ def by_bisection(starts, found):  # type: ignore[no-untyped-def]
 
 
 @numba.njit
-def by_search(starts, found):  # type: ignore[no-untyped-def]
+def by_search(states, found):  # type: ignore[no-untyped-def]
     """Write impacts found by the search: d, velocity, wall, effort."""
-    for i in range(len(starts)):
-        phase, s, v, alpha, beta, gamma = starts[i]
+    for i in range(len(states)):
+        phase, s, v, alpha, beta, gamma = states[i]
         d, effort, velocity, wall = search_impact(
             0.0, 0, LEG, phase, s, v, Model(alpha, beta, gamma, 1.0))
         found[i] = np.array((d, velocity, float(wall), float(effort)))
@@ -156,10 +156,10 @@ def by_search(starts, found):  # type: ignore[no-untyped-def]
 
 def test_bisection_alone_finds_the_impacts_of_the_search() -> None:
     """Of 50,000 flights, in as many stretches and evaluations as are proved."""
-    starts = random_starts(4, 50_000)
-    bisected, searched = np.zeros((len(starts), 6)), np.zeros((len(starts), 4))
-    by_bisection(starts, bisected)
-    by_search(starts, searched)
+    states = random_states(4, 50_000)
+    bisected, searched = np.zeros((len(states), 6)), np.zeros((len(states), 4))
+    by_bisection(states, bisected)
+    by_search(states, searched)
     d, velocity, wall, stretches, most, last = bisected.T
     assert np.all(stretches <= d / math.pi + 3.0)
     assert most.max() <= HALVINGS + 2 == 68
@@ -170,16 +170,16 @@ def test_bisection_alone_finds_the_impacts_of_the_search() -> None:
     assert np.count_nonzero(hit) > 20_000
     late = np.abs(d - searched[:, 0])[hit]
     # Times are as uncertain as the displacement, by the velocity of the impact.
-    size = 1.0 + starts[hit, 3] + np.abs(starts[hit, 5]) + np.abs(starts[hit, 2])
+    size = 1.0 + states[hit, 3] + np.abs(states[hit, 5]) + np.abs(states[hit, 2])
     speed = np.abs(searched[hit, 1])
     assert np.all(late * speed < 1e3 * EPS * size * (1.0 + d[hit]))
 
 
 @numba.njit
-def which_are_clear(starts, found):  # type: ignore[no-untyped-def]
+def which_are_clear(states, found):  # type: ignore[no-untyped-def]
     """Write which legs cannot come near a wall."""
-    for i in range(len(starts)):
-        phase, s, v, alpha, beta, gamma = starts[i]
+    for i in range(len(states)):
+        phase, s, v, alpha, beta, gamma = states[i]
         model = Model(alpha, beta, gamma, 1.0)
         found[i] = stays_clear(math.sin(phase), math.cos(phase), s, v, model)
 
@@ -187,15 +187,15 @@ def which_are_clear(starts, found):  # type: ignore[no-untyped-def]
 def test_no_leg_that_is_clear_of_the_walls_has_an_impact() -> None:
     """None by bisection, of 50,000; and most legs without an impact are clear of them."""
     rng = np.random.default_rng(6)
-    starts = random_starts(6, 50_000)
+    states = random_states(6, 50_000)
     # Near the oscillation between the walls, where legs without an impact are.
-    starts[:, 3] = 0.6 * rng.random(len(starts))
-    starts[:, 4] *= rng.random(len(starts)) < 0.5
-    starts[:, 5] *= 1e-6
-    starts[:, 2] = starts[:, 3] * np.cos(starts[:, 0]) + starts[:, 2] * 1e-4
-    clear, bisected = np.zeros(len(starts), bool), np.zeros((len(starts), 6))
-    which_are_clear(starts, clear)
-    by_bisection(starts, bisected)
+    states[:, 3] = 0.6 * rng.random(len(states))
+    states[:, 4] *= rng.random(len(states)) < 0.5
+    states[:, 5] *= 1e-6
+    states[:, 2] = states[:, 3] * np.cos(states[:, 0]) + states[:, 2] * 1e-4
+    clear, bisected = np.zeros(len(states), bool), np.zeros((len(states), 6))
+    which_are_clear(states, clear)
+    by_bisection(states, bisected)
     without = bisected[:, 2] == NO_WALL
     assert np.count_nonzero(clear) > 5000
     assert not np.any(clear & ~without)
@@ -212,7 +212,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
             slow += effort > 64 + 4 * d
             assert effort <= proved_bound(d)
             size = abs(f.velocity) + (f.alpha * (1.0 + f.beta) + abs(f.gamma)) * d
-            # Rounding of the displacement since the start, and of the start.
+            # Rounding of the displacement since the beginning, and of the initial condition.
             rounding = 16 * EPS * (size * d + abs(f.displacement))
             for k in range(1, 100):
                 s = f.displacement_at(d * mp.mpf(k) / 100)
@@ -224,7 +224,7 @@ def test_tangencies_end_within_the_bound_and_at_the_wall() -> None:
 
 
 @pytest.mark.parametrize('cuts', [(1e-9, 1e-6, 1e-3, 0.1), (0.5, 0.9, 0.99, 1.0, 1.0 + 1e-9)])
-def test_a_slow_search_may_be_stopped_and_taken_up(cuts: tuple[float, ...]) -> None:
+def test_a_slow_search_may_be_stopped_and_resumed(cuts: tuple[float, ...]) -> None:
     """It is the same to the bit, effort and all, wherever it was stopped."""
     for f in tangencies(6, 300):
         flight = (f.phase, f.displacement, f.velocity, f.model)

@@ -96,7 +96,7 @@ def test_equations_4_and_5_satisfy_the_differential_equation() -> None:
 @pytest.mark.parametrize('alpha, beta, gamma', [
     (0.48, 0.1, 0.1), (1.244, 0.1, 0.1), (3.0, 0.0, -0.4), (0.7, 0.5, 0.0)])
 def test_a_handful_of_impacts_by_scipy(alpha: float, beta: float, gamma: float) -> None:
-    """Impact for impact the events are those of an integrator with event detection."""
+    """Impact by impact the events are those of an integrator with event detection."""
     def right_side(tau: float, y: np.ndarray) -> tuple[float, float]:
         return y[1], (-alpha * math.sin(tau) + alpha * beta * math.cos(tau) + gamma - beta * y[1])
 
@@ -149,7 +149,7 @@ def test_first_impact_in_50_digits(scale: float, count: int) -> None:
             if speed < 1e-3:
                 continue
             compared += 1
-            # What rounding of the displacement is worth in time, and a few ulp of the phase.
+            # The rounding of the displacement as a time, and a few ulp of the phase.
             rough = 4 * EPS * (1.0 + f.alpha + abs(f.gamma) * d + abs(f.velocity) * min(d, 1.0))
             assert abs(d - root) < 4 * EPS * (d + 1.0) + rough / speed
             assert abs(velocity - f.velocity_at(root)) < (
@@ -226,13 +226,13 @@ def test_grazing_is_neither_missed_nor_invented(offset: float, upper: bool) -> N
     phase=st.floats(0.0, TWO_PI, exclude_max=True), displacement=st.floats(-1.0, 0.0),
     velocity=st.floats(-20.0, 20.0), alpha=st.floats(0.0, 20.0), beta=st.floats(0.0, 5.0),
     gamma=st.floats(-5.0, 5.0), cuts=st.lists(st.floats(0.0, 50.0), max_size=5))
-def test_a_search_may_be_stopped_and_taken_up(
+def test_a_search_may_be_stopped_and_resumed(
         phase: float, displacement: float, velocity: float, alpha: float, beta: float,
         gamma: float, cuts: list[float]) -> None:
     """The impact is the same to the bit, wherever the search was stopped."""
     force = alpha + abs(gamma)
     if force == 0.0 and (velocity == 0.0 or beta > 0.0):
-        return  # Nothing moves for ever: tests of their own.
+        return  # Flights without end have their own tests.
     f = Flight(phase, displacement, velocity, alpha, beta, gamma)
     whole = first_impact(f, 60.0)
     d, effort, found, wall = 0.0, 0, velocity, NO_WALL
@@ -245,7 +245,7 @@ def test_a_search_may_be_stopped_and_taken_up(
 
 
 def test_impact_law() -> None:
-    """v+ = -r v- at either wall, exactly; a kick never drives the mass through the wall."""
+    """v+ = -r v- at either wall, exactly; a kick never drives the gear through the wall."""
     model = Model(0.5, 0.1, 0.1, 0.9)
     assert rebound(0.7, 1.0, model, 0.0) == -0.9 * 0.7
     assert rebound(-0.7, 1.0, model, 0.0) == 0.9 * 0.7
@@ -271,7 +271,7 @@ def test_elapsed_time() -> None:
     assert elapsed(0, 2.5, 1.0) == -1.5
 
 
-def test_the_first_record_is_the_start() -> None:
+def test_the_first_record_is_the_initial_condition() -> None:
     """A stream begins with the state it was given, bit for bit."""
     state = State(3, 1.25, -0.375, 0.1)
     record = Simulation(Parameters(), state).advance(3, 1.25, 1)[0]

@@ -5,23 +5,23 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros.core.flight.lanes import new_tiles, START
+from gear_rattle_ros.core.flight.lanes import INITIAL, new_tiles
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.growth import grow
 from gear_rattle_ros.core.model import Parameters, State
 
 
-def exponents(starts: np.ndarray, count: int) -> np.ndarray:
-    """Follow starts for so many impacts."""
-    result = np.full(len(starts), 7.0)
-    grow(new_tiles(1)[0], starts, count, result)
+def exponents(initial: np.ndarray, count: int) -> np.ndarray:
+    """Follow initial conditions for `count` impacts."""
+    result = np.full(len(initial), 7.0)
+    grow(new_tiles(1)[0], initial, count, result)
     return result
 
 
 def make(parameters: Parameters, states: list[tuple[float, float, float]]) -> np.ndarray:
     """Put states and parameters together."""
     values = (parameters.alpha, parameters.beta, parameters.gamma, parameters.restitution)
-    return np.array([(*state, *values) for state in states], START)
+    return np.array([(*state, *values) for state in states], INITIAL)
 
 
 @pytest.mark.parametrize('alpha, r, count', [
@@ -62,14 +62,14 @@ def test_exponent_is_that_of_the_perturbed_trajectory(alpha: float, r: float, co
 
 
 def test_on_the_orbit_it_is_that_of_its_multipliers() -> None:
-    """Attractor A of the paper has complex multipliers: ln r - beta pi p/q, whatever the start."""
+    """Attractor A of the paper has complex multipliers: ln r - beta pi p/q from any point."""
     parameters = Parameters(alpha=0.48)
     found = exponents(make(parameters, [(4.0915, 0.0, -0.9 * 0.6273)]), 3000)
     assert found[0] == pytest.approx(math.log(0.9) - 0.1 * math.pi / 3.0, abs=2e-3)
 
 
-def test_what_sticks_has_forgotten_its_start() -> None:
-    """A mass that is pressed to a wall for ever, and one that floats between the walls."""
+def test_what_sticks_has_no_memory_and_what_floats_no_exponent() -> None:
+    """A gear that is permanently pressed to a wall, and one that floats between the walls."""
     pressed, free = Parameters(alpha=0.0, gamma=0.5), Parameters(alpha=0.1, gamma=0.0)
     assert exponents(make(pressed, [(0.0, -0.5, 0.0)]), 100_000)[0] == -math.inf
     assert math.isnan(exponents(make(free, [(0.0, -0.5, 0.1)]), 10)[0])

@@ -136,7 +136,7 @@ def test_the_guard_agrees_with_plain_integers(batches: list[EventArray]) -> None
 
 
 def since_last_break(batches: list[EventArray]) -> EventArray:
-    """Return the records behind the last hole, by the referee."""
+    """Return the records after the last hole, by the referee."""
     stream, referee = np.concatenate(batches), Referee()
     breaks = [i for i, reason in enumerate(referee.cut(stream)) if reason]
     return stream[breaks[-1]:] if breaks else stream
@@ -177,7 +177,7 @@ def exponents(records: EventArray) -> tuple[int, float, float, float]:
 @settings(max_examples=60, deadline=None)
 @given(streams(numbers=True))
 def test_no_exponent_over_a_hole(batches: list[EventArray]) -> None:
-    """The estimate is that of the records behind the last hole alone, to the bit."""
+    """The estimate is that of the records after the last hole alone, to the bit."""
     running, fresh = RunningLyapunov(50), RunningLyapunov(50)
     for batch in batches:
         running.update(batch)
@@ -194,7 +194,7 @@ def test_no_exponent_over_a_hole(batches: list[EventArray]) -> None:
 @settings(max_examples=60, deadline=None)
 @given(streams(numbers=False))
 def test_exponents_agree_with_plain_matrices(batches: list[EventArray]) -> None:
-    """Those of the records behind the last hole, by another decomposition."""
+    """Those of the records after the last hole, by another decomposition."""
     running = RunningLyapunov(50)
     for batch in batches:
         running.update(batch)
@@ -213,7 +213,7 @@ def test_exponents_agree_with_plain_matrices(batches: list[EventArray]) -> None:
     (5e-324, 0.5), (1e308, 0.5), (-0.5, 1e308), (-0.5, -1e308), (5e-324, 1e308), (1e308, 1e308),
     (-0.5, 0.0), (0.0, 0.5), (1e308, 5e-324)])
 def test_an_absurd_velocity_spoils_its_epoch_only(velocity: float, after: float) -> None:
-    """Finite, and so taken; behind the next retune the exponents are right again."""
+    """Finite, and so taken; after the next retune the exponents are right again."""
     events, whole, spoilt = RUNS[1].copy(), RunningLyapunov(), RunningLyapunov()
     whole.update(events[:120])
     hit = int(np.flatnonzero(events['kind'] == EventKind.IMPACT)[20])
@@ -227,7 +227,7 @@ def test_an_absurd_velocity_spoils_its_epoch_only(velocity: float, after: float)
 @settings(max_examples=60, deadline=None)
 @given(streams(numbers=True, long=True))
 def test_no_orbit_over_a_hole(batches: list[EventArray]) -> None:
-    """What is said is what the records behind the last hole say; what is said of an orbit fits."""
+    """Reports follow from the records after the last hole; what they state of an orbit fits."""
     detector, fresh = TransientDetector(), TransientDetector()
     said = [report for batch in batches for report in detector.update(batch)]
     fresh.update(since_last_break(batches))

@@ -21,6 +21,7 @@ from gear_rattle_ros.core.flight.lanes import (
     EMPTY,
     FLOATS,
     IMPACT,
+    INITIAL,
     is_busy,
     model_in,
     new_impacts,
@@ -30,7 +31,6 @@ from gear_rattle_ros.core.flight.lanes import (
     release,
     RESTS,
     RUNS,
-    START,
 )
 from gear_rattle_ros.core.flight.lanes_step import LANES, step
 from gear_rattle_ros.core.flight.simulation import Simulation
@@ -39,67 +39,67 @@ from gear_rattle_ros.core.model import EventKind, Parameters, State
 STEPS = 40
 
 
-def same_starts(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: float = 0.1,
-                restitution: float = 0.9) -> RecordArray:
-    """Return starts on the upper wall and between the walls, all with the same parameters."""
+def same_parameters(count: int, seed: int, alpha: float, beta: float = 0.1, gamma: float = 0.1,
+                    restitution: float = 0.9) -> RecordArray:
+    """Return initial conditions on the upper wall and between the walls, parameters the same."""
     random = np.random.default_rng(seed)
-    starts = np.zeros(count, START)
-    starts['phase'] = random.uniform(0.0, TWO_PI, count)
-    starts['displacement'] = np.where(random.random(count) < 0.5, 0.0, -random.random(count))
-    starts['velocity'] = random.uniform(-1.5, 1.5, count)
+    initial = np.zeros(count, INITIAL)
+    initial['phase'] = random.uniform(0.0, TWO_PI, count)
+    initial['displacement'] = np.where(random.random(count) < 0.5, 0.0, -random.random(count))
+    initial['velocity'] = random.uniform(-1.5, 1.5, count)
     for name, value in (('alpha', alpha), ('beta', beta), ('gamma', gamma),
                         ('restitution', restitution)):
-        starts[name] = value
-    return starts
+        initial[name] = value
+    return initial
 
 
-def mixed_starts(count: int, seed: int) -> RecordArray:
-    """Return starts everywhere, with parameters of their own and all special values of them."""
+def mixed(count: int, seed: int) -> RecordArray:
+    """Return initial conditions everywhere, with parameters drawn and with special values."""
     random = np.random.default_rng(seed)
-    starts = same_starts(count, seed, 1.0)
+    initial = same_parameters(count, seed, 1.0)
     on_lower = random.random(count) < 0.2
-    starts['displacement'][on_lower] = -1.0
-    starts['velocity'] = random.normal(0.0, 1.0, count) * 10.0**random.uniform(-3.0, 0.5, count)
-    starts['alpha'] = np.where(
+    initial['displacement'][on_lower] = -1.0
+    initial['velocity'] = random.normal(0.0, 1.0, count) * 10.0**random.uniform(-3.0, 0.5, count)
+    initial['alpha'] = np.where(
         random.random(count) < 0.1, 0.0, 10.0**random.uniform(-1.0, 1.0, count))
-    starts['beta'] = np.where(
+    initial['beta'] = np.where(
         random.random(count) < 0.2, 0.0, 10.0**random.uniform(-2.0, 0.5, count))
-    starts['gamma'] = np.where(random.random(count) < 0.2, 0.0, random.normal(0.0, 0.3, count))
-    starts['restitution'] = random.choice([0.0, 0.5, 0.9, 1.0], count)
-    return starts
+    initial['gamma'] = np.where(random.random(count) < 0.2, 0.0, random.normal(0.0, 0.3, count))
+    initial['restitution'] = random.choice([0.0, 0.5, 0.9, 1.0], count)
+    return initial
 
 
-def follow(starts: RecordArray, count: int, steps: int = STEPS,
+def follow(initial: RecordArray, count: int, steps: int = STEPS,
            longest: int = 10**6) -> tuple[list[RecordArray], npt.NDArray[np.int64]]:
-    """Return the first `count` impacts of every start, and why it ended, through one tile."""
+    """Return the first `count` impacts from each, and why it ended, through one tile."""
     tile, impacts = new_tiles(1)[0], new_impacts(steps)
-    pieces: list[list[RecordArray]] = [[] for _ in starts]
-    ends = np.full(len(starts), -1)
-    following = refill(tile, starts, 0, float(count))
+    pieces: list[list[RecordArray]] = [[] for _ in initial]
+    ends = np.full(len(initial), -1)
+    following = refill(tile, initial, 0, float(count))
     while is_busy(tile):
         advance(tile, impacts, steps)
-        for i in np.flatnonzero(tile['start'] != EMPTY):
-            start = tile['start'][i]
-            pieces[start].append(impacts[i, :tile['count'][i]].copy())
+        for i in np.flatnonzero(tile['number'] != EMPTY):
+            number = tile['number'][i]
+            pieces[number].append(impacts[i, :tile['count'][i]].copy())
             if tile['left'][i] == 0.0 or tile['cycle'][i] > longest:
-                assert ends[start] == -1
-                ends[start] = tile['end'][i]
+                assert ends[number] == -1
+                ends[number] = tile['end'][i]
                 release(tile, i)
-        following = refill(tile, starts, following, float(count))
-    assert following == len(starts)
+        following = refill(tile, initial, following, float(count))
+    assert following == len(initial)
     return [np.concatenate(p) if p else np.empty(0, IMPACT) for p in pieces], ends
 
 
 def test_first_impacts_in_50_digits() -> None:
-    """At the found time the mass is at the wall, at that velocity, and was at no wall before."""
-    starts = mixed_starts(60, 2)
-    impacts, _ = follow(starts, 1)
+    """At the time found the gear is at the wall, at that velocity, and was at no wall before."""
+    initial = mixed(60, 2)
+    impacts, _ = follow(initial, 1)
     checked = 0
-    for start, found in zip(starts, impacts, strict=True):
-        fields = [float(start[name]) for name in (
+    for state, found in zip(initial, impacts, strict=True):
+        fields = [float(state[name]) for name in (
             'phase', 'displacement', 'velocity', 'alpha', 'beta', 'gamma')]
-        into = (start['displacement'], start['velocity'] > 0) in ((0.0, True), (-1.0, False))
-        if len(found) == 0 or into or start['velocity'] == 0.0:
+        into = (state['displacement'], state['velocity'] > 0) in ((0.0, True), (-1.0, False))
+        if len(found) == 0 or into or state['velocity'] == 0.0:
             continue
         flight = Flight(*fields)
         with mp.workdps(DIGITS):
@@ -120,13 +120,13 @@ def test_first_impacts_in_50_digits() -> None:
 def test_chatter_sticking_and_release_as_the_simulation(
         alpha: float, beta: float, gamma: float, restitution: float) -> None:
     """Through sticking and release, impact by impact, for as long as the two stay together."""
-    starts = same_starts(LANES, 3, alpha, beta, gamma, restitution)
+    initial = same_parameters(LANES, 3, alpha, beta, gamma, restitution)
     count, sticks = 60, 0
-    impacts, ends = follow(starts, count)
-    for start, found, end in zip(starts, impacts, ends, strict=True):
+    impacts, ends = follow(initial, count)
+    for state, found, end in zip(initial, impacts, ends, strict=True):
         simulation = Simulation(
             Parameters(alpha, beta, gamma, restitution),
-            State(0, start['phase'], start['displacement'], start['velocity']))
+            State(0, state['phase'], state['displacement'], state['velocity']))
         events = simulation.advance(10**4, 0.0, 4 * count)
         hits = events[(events['kind'] == EventKind.IMPACT) | (events['kind'] == EventKind.STICK)]
         rests = simulation.is_permanently_at_rest and len(hits) < count
@@ -141,24 +141,24 @@ def test_chatter_sticking_and_release_as_the_simulation(
 
 
 def test_what_never_meets_a_wall_again_ends() -> None:
-    """A drive smaller than the backlash, no load: the mass may never meet a wall."""
+    """A drive smaller than the backlash, no load: the gear may never meet a wall."""
     random = np.random.default_rng(4)
-    starts = same_starts(4 * LANES, 4, 0.2, 0.1, 0.0)
-    starts['displacement'] = -random.random(len(starts))
+    initial = same_parameters(4 * LANES, 4, 0.2, 0.1, 0.0)
+    initial['displacement'] = -random.random(len(initial))
     # The free motion comes to rest so far from where it begins.
-    starts['velocity'] = 0.2 * np.cos(starts['phase']) + 0.1 * random.uniform(
-        -1.0, 1.0, len(starts))
-    impacts, ends = follow(starts, 1)
-    rest = starts['displacement'] - 0.2 * np.sin(starts['phase']) + (
-        starts['velocity'] - 0.2 * np.cos(starts['phase'])) / 0.1
+    initial['velocity'] = 0.2 * np.cos(initial['phase']) + 0.1 * random.uniform(
+        -1.0, 1.0, len(initial))
+    impacts, ends = follow(initial, 1)
+    rest = initial['displacement'] - 0.2 * np.sin(initial['phase']) + (
+        initial['velocity'] - 0.2 * np.cos(initial['phase'])) / 0.1
     inside = (rest > -0.8) & (rest < -0.2)
     assert np.array_equal(ends == FLOATS, [len(found) == 0 for found in impacts])
     assert np.all(inside[ends == FLOATS])
     assert LANES // 2 < np.count_nonzero(ends == FLOATS)
-    for start in starts[ends == FLOATS][:20]:
+    for state in initial[ends == FLOATS][:20]:
         simulation = Simulation(
             Parameters(0.2, 0.1, 0.0, 0.9),
-            State(0, start['phase'], start['displacement'], start['velocity']))
+            State(0, state['phase'], state['displacement'], state['velocity']))
         simulation.advance(1000, 0.0, 10)
         assert simulation.impacts == 0
 
@@ -166,7 +166,7 @@ def test_what_never_meets_a_wall_again_ends() -> None:
 def test_never_outside_the_walls() -> None:
     """At every step of every lane."""
     tile = new_tiles(1)[0]
-    refill(tile, mixed_starts(LANES, 5), 0, math.inf)
+    refill(tile, mixed(LANES, 5), 0, math.inf)
     for _ in range(3000):
         advance(tile, NO_IMPACTS, 1)
         active = tile['left'] > 0
@@ -178,9 +178,9 @@ def test_never_outside_the_walls() -> None:
 def test_flights_are_evaluated_as_by_the_scalar_kernel() -> None:
     """Bit for bit, at every step of every lane."""
     tile = new_tiles(1)[0]
-    starts = mixed_starts(LANES, 11)
-    starts['restitution'] = 1.0
-    refill(tile, starts, 0, math.inf)
+    initial = mixed(LANES, 11)
+    initial['restitution'] = 1.0
+    refill(tile, initial, 0, math.inf)
     for _ in range(60):
         advance(tile, NO_IMPACTS, 1)
         for i in range(LANES):
@@ -194,9 +194,9 @@ def test_flights_are_evaluated_as_by_the_scalar_kernel() -> None:
 def test_no_search_takes_long() -> None:
     """Grazing and the weakest impacts too: no flight of many takes 100 steps."""
     tile = new_tiles(1)[0]
-    starts = mixed_starts(LANES, 12)
-    starts['velocity'] *= 1e-4
-    refill(tile, starts, 0, math.inf)
+    initial = mixed(LANES, 12)
+    initial['velocity'] *= 1e-4
+    refill(tile, initial, 0, math.inf)
     steps = np.zeros(LANES)
     for _ in range(5000):
         before = tile['duration'].copy()
@@ -214,13 +214,13 @@ def test_statistics_of_chaos_equal_the_scalar_ones() -> None:
                 float(np.mean(velocities[skipped:] > 0)),
                 float(np.mean(np.abs(velocities[skipped:])))]
 
-    impacts, _ = follow(same_starts(LANES, 6, 1.1), count)
+    impacts, _ = follow(same_parameters(LANES, 6, 1.1), count)
     lanes = np.array([means(f['cycle'] * TWO_PI + f['phase'], f['velocity']) for f in impacts])
     scalar = []
-    for start in same_starts(LANES, 7, 1.1):
+    for state in same_parameters(LANES, 7, 1.1):
         simulation = Simulation(
             Parameters(1.1, 0.1, 0.1, 0.9),
-            State(0, start['phase'], start['displacement'], start['velocity']))
+            State(0, state['phase'], state['displacement'], state['velocity']))
         events = simulation.advance(10**7, 0.0, count)[1:]
         scalar.append(means(events['cycle'] * TWO_PI + events['phase'], events['velocity']))
     difference = lanes.mean(0) - np.mean(scalar, 0)
@@ -229,14 +229,14 @@ def test_statistics_of_chaos_equal_the_scalar_ones() -> None:
     assert np.all(np.abs(difference) < 4 * error)
 
 
-def test_every_start_once_and_whatever_the_cuts() -> None:
+def test_every_initial_condition_once_and_whatever_the_cuts() -> None:
     """Order, number of steps in a call and neighbours change no bit; nothing is lost."""
-    starts = mixed_starts(5 * LANES + 3, 8)
-    whole, ends = follow(starts, 12)
+    initial = mixed(5 * LANES + 3, 8)
+    whole, ends = follow(initial, 12)
     assert np.all(ends != -1)
     assert all(len(w) == 12 or end != RUNS for w, end in zip(whole, ends, strict=True))
-    shuffled = np.random.default_rng(9).permutation(len(starts))
-    again, ends_again = follow(starts[shuffled], 12, steps=3)
+    shuffled = np.random.default_rng(9).permutation(len(initial))
+    again, ends_again = follow(initial[shuffled], 12, steps=3)
     assert np.array_equal(ends[shuffled], ends_again)
     for one, other in zip((whole[k] for k in shuffled), again, strict=True):
         assert one.tobytes() == other.tobytes()
@@ -244,12 +244,12 @@ def test_every_start_once_and_whatever_the_cuts() -> None:
 
 def test_parked_lanes_go_on() -> None:
     """A lane parks just after its last impact and, begun again there, makes the same impacts."""
-    starts = mixed_starts(LANES, 10)
-    starts['restitution'][:8] = 0.0
-    whole, _ = follow(starts, 20)
+    initial = mixed(LANES, 10)
+    initial['restitution'][:8] = 0.0
+    whole, _ = follow(initial, 20)
     tile, impacts = new_tiles(1)[0], new_impacts(STEPS)
-    refill(tile, starts, 0, 0.0)
-    pieces: list[list[RecordArray]] = [[] for _ in starts]
+    refill(tile, initial, 0, 0.0)
+    pieces: list[list[RecordArray]] = [[] for _ in initial]
     for part in (7, 13):
         for i in range(LANES):
             if tile['end'][i] == RUNS:

@@ -20,19 +20,19 @@ TRAJECTORIES, IMPACTS, PERIODS = 25, 10, 20
 
 def sample_of(setting: np.ndarray, count: int, seed: int) -> np.ndarray:
     """Return a sample of this package."""
-    starts = samples.random_starts(count, seed)
-    return samples.samples(samples.own_rows(starts, setting, IMPACTS, PERIODS), count, setting[3])
+    states = samples.random_states(count, seed)
+    return samples.samples(samples.own_rows(states, setting, IMPACTS, PERIODS), count, setting[3])
 
 
 @pytest.mark.parametrize('setting', SETTINGS)
 def test_samples_and_first_impacts_equal_those_of_scipy(setting: np.ndarray) -> None:
     """Independent trajectories are of one distribution; the same ones begin equally."""
-    starts = samples.random_starts(TRAJECTORIES, 1)
-    rows = chains.by_scipy(starts, setting.tolist(), IMPACTS, PERIODS * chains.TWO_PI)
+    states = samples.random_states(TRAJECTORIES, 1)
+    rows = chains.by_scipy(states, setting.tolist(), IMPACTS, PERIODS * chains.TWO_PI)
     theirs = samples.samples(rows, TRAJECTORIES, setting[3])
     random = np.random.default_rng(2)
     assert samples.compare(sample_of(setting, 300, 3), theirs, random)[0] > 0.001
-    count, worst = samples.path_errors(starts, setting, rows, IMPACTS, PERIODS)
+    count, worst = samples.path_errors(states, setting, rows, IMPACTS, PERIODS)
     assert count > 1.5 * TRAJECTORIES and worst < 1e-10
 
 
@@ -57,8 +57,8 @@ def test_p_is_uniform_where_nothing_is_wrong() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(('options', 'status'), [
     (['--only', 'scipy', 'power'], 0), (['--only', 'scipy', '--wrong', 'restitution'], 1)])
-def test_the_script_agrees_and_would_tell(options: list[str], status: int) -> None:
-    """Its status says both."""
+def test_the_script_agrees_and_detects_faults(options: list[str], status: int) -> None:
+    """Its status shows both."""
     done = subprocess.run(
         [sys.executable, str(ROOT / 'benchmark' / 'long_runs.py'), '--quick', *options], cwd=ROOT,
         capture_output=True, text=True)

@@ -233,7 +233,7 @@ def test_sticking_is_superstable() -> None:
     running.update(events[stick + 1:])
     assert running.report.lambda_1 == -math.inf
     assert impact_count(events[stick + 1:]) >= 20
-    # Of the last impacts alone none has stuck: a joiner at the release sees the same.
+    # None of the last impacts has stuck: a late joiner at the release sees the same.
     late = RunningLyapunov(window=20)
     late.update(events[stick + 1:])
     assert running.report.lambda_1_finite == late.report.lambda_1_finite
@@ -280,7 +280,7 @@ def test_finite_time_exponents_cross_the_retunes_of_a_ramp() -> None:
     # It ends on A: both its multipliers are complex, of modulus 0.9^3 exp(-0.1 pi) at any alpha.
     exponent = (math.log(0.81) - 0.1 * TWO_PI / 3) / 2.0
     assert report.lambda_1_finite == pytest.approx(exponent, abs=4.0 / 1000)
-    # The retunes behind the impact before the window, up to the last impact.
+    # The retunes after the impact before the window, up to the last impact.
     hits = np.flatnonzero(events['kind'] <= EventKind.STICK)
     assert report.finite_retunes == int(np.count_nonzero(
         events['kind'][hits[-1001]:hits[-1]] == EventKind.RETUNE))
@@ -348,7 +348,7 @@ def impulses_by_quadrature(events: EventArray) -> tuple[float, float, float]:
     (2.0, 0.3, -0.2, 0.0, 0.0), (0.7, 0.0, 0.4, 1.0, 0.0)])
 def test_impulse_balance(alpha: float, beta: float, gamma: float, restitution: float,
                          noise: float) -> None:
-    """What the walls give to the mass, and what it must be; sticking, kicks and retunes."""
+    """What the walls give to the gear, and what it must be; sticking, kicks and retunes."""
     rng = np.random.default_rng(7)
     simulation = Simulation(Parameters(alpha, beta, gamma, restitution), State(
         0, float(rng.uniform(0.0, 6.0)), -0.3, float(rng.uniform(-1.0, 1.0))), noise=noise)
@@ -356,7 +356,7 @@ def test_impulse_balance(alpha: float, beta: float, gamma: float, restitution: f
     parts = [simulation.advance(0, 6.2, 1)]
     running.update(parts[0])
     for k in range(4):
-        # At 5.0 the mass sticks where it does so in every period.
+        # At 5.0 the gear sticks where it does so in every period.
         moment = (simulation.moment[0] + 40, 5.0 if k == 1 else float(rng.uniform(0.0, 6.0)))
         parts.append(simulation.advance(*moment, 100_000))
         running.update(parts[-1])
@@ -384,7 +384,7 @@ def test_an_infinite_exponent_is_explained() -> None:
     report = running.report
     assert report.sticks == np.count_nonzero(events['kind'] == EventKind.STICK) == 43
     assert infinite_in_words(lyapunov_values(report)) == (
-        f'-inf: the gear stuck at 43 of {report.impacts:,} impacts and forgot all that was before '
+        f'-inf: the gear stuck at 43 of {report.impacts:,} impacts, where all memory is lost '
         '(superstable)')
     no_restitution = RunningLyapunov()
     no_restitution.update(Simulation(Parameters(8.0, 0.1, 0.0, 0.0), State(

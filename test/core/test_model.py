@@ -93,7 +93,7 @@ def test_a_gear_pair_of_nothing_is_refused(name: str, value: float) -> None:
 
 
 def test_layout_of_an_event() -> None:
-    """80 bytes, four unsigned words and eight doubles, in the order of the design."""
+    """80 bytes: four unsigned words and eight doubles, in the published order."""
     assert EVENT.itemsize == 80
     assert EVENT.names == (
         'kind', 'index', 'epoch', 'cycle', 'phase', 'displacement', 'velocity', 'velocity_after',

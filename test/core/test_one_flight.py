@@ -11,12 +11,12 @@ from gear_rattle_ros.core.flight.elementary import TWO_PI
 from gear_rattle_ros.core.flight.lanes import (
     advance,
     EMPTY,
+    INITIAL,
     is_busy,
     new_impacts,
     new_tiles,
     refill,
     release,
-    START,
 )
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.flight.simulation import IMPACT, run, settle, STICK, TRAJECTORY
@@ -30,107 +30,107 @@ Array = np.ndarray[Any, Any]
 
 
 def everywhere(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts of all kinds, with parameters of their own and their special values."""
-    starts = np.zeros(count, START)
-    starts['phase'] = random.uniform(0.0, TWO_PI, count)
-    starts['displacement'] = random.choice([0.0, -1.0, -0.5], count)
-    between = starts['displacement'] == -0.5
-    starts['displacement'][between] = -random.random(between.sum())
-    starts['velocity'] = random.normal(0.0, 1.0, count) * 10.0**random.uniform(-3.0, 0.7, count)
-    starts['alpha'] = np.where(
+    """Return initial conditions of all kinds, with parameters drawn and with special values."""
+    initial = np.zeros(count, INITIAL)
+    initial['phase'] = random.uniform(0.0, TWO_PI, count)
+    initial['displacement'] = random.choice([0.0, -1.0, -0.5], count)
+    between = initial['displacement'] == -0.5
+    initial['displacement'][between] = -random.random(between.sum())
+    initial['velocity'] = random.normal(0.0, 1.0, count) * 10.0**random.uniform(-3.0, 0.7, count)
+    initial['alpha'] = np.where(
         random.random(count) < 0.1, 0.0, 10.0**random.uniform(-2.0, 1.0, count))
-    starts['beta'] = np.where(
+    initial['beta'] = np.where(
         random.random(count) < 0.2, 0.0, 10.0**random.uniform(-3.0, 0.5, count))
-    starts['gamma'] = np.where(random.random(count) < 0.2, 0.0, random.normal(0.0, 0.3, count))
-    starts['restitution'] = random.choice([0.0, 0.3, 0.5, 0.9, 0.99, 1.0], count)
-    return starts
+    initial['gamma'] = np.where(random.random(count) < 0.2, 0.0, random.normal(0.0, 0.3, count))
+    initial['restitution'] = random.choice([0.0, 0.3, 0.5, 0.9, 0.99, 1.0], count)
+    return initial
 
 
 def near_walls(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts a hair off a wall."""
-    starts = everywhere(random, count)
+    """Return initial conditions a hair off a wall."""
+    initial = everywhere(random, count)
     hair = 10.0**random.uniform(-17.0, -3.0, count)
-    starts['displacement'] = np.where(random.random(count) < 0.5, -hair, hair - 1.0)
-    return starts
+    initial['displacement'] = np.where(random.random(count) < 0.5, -hair, hair - 1.0)
+    return initial
 
 
 def from_rest(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts at rest, on walls and between them."""
-    starts = everywhere(random, count)
-    starts['velocity'] = 0.0
-    return starts
+    """Return initial conditions at rest, on walls and between them."""
+    initial = everywhere(random, count)
+    initial['velocity'] = 0.0
+    return initial
 
 
 def grazing(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts almost at rest: impacts on a wall just left, and turns beside it."""
-    starts = near_walls(random, count)
-    starts['velocity'] *= 1e-6
-    return starts
+    """Return initial conditions almost at rest: impacts on a wall just left, turns beside it."""
+    initial = near_walls(random, count)
+    initial['velocity'] *= 1e-6
+    return initial
 
 
 def long_flights(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts with hardly any force, or hardly any motion left."""
-    starts = everywhere(random, count)
-    starts['alpha'] = 10.0**random.uniform(-6.0, -1.0, count)
-    starts['gamma'] = random.normal(0.0, 1e-3, count)
-    return starts
+    """Return initial conditions with hardly any force, or hardly any motion left."""
+    initial = everywhere(random, count)
+    initial['alpha'] = 10.0**random.uniform(-6.0, -1.0, count)
+    initial['gamma'] = random.normal(0.0, 1e-3, count)
+    return initial
 
 
 def damped(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts whose flights outlast the decay of the free motion."""
-    starts = everywhere(random, count)
-    starts['beta'] = 10.0**random.uniform(0.0, 2.0, count)
-    return starts
+    """Return initial conditions whose flights outlast the decay of the free motion."""
+    initial = everywhere(random, count)
+    initial['beta'] = 10.0**random.uniform(0.0, 2.0, count)
+    return initial
 
 
 def slow_launches(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts that leave a wall very slowly where the force vanishes: they are soon back."""
-    starts = everywhere(random, count)
+    """Return initial conditions that leave a wall slowly where the force vanishes: soon back."""
+    initial = everywhere(random, count)
     on_upper = random.random(count) < 0.5
-    starts['displacement'] = np.where(on_upper, 0.0, -1.0)
-    starts['velocity'] = np.where(on_upper, -1.0, 1.0) * 10.0**random.uniform(-40.0, -6.0, count)
-    starts['alpha'] = 10.0**random.uniform(-1.0, 3.0, count)
-    starts['phase'] = np.where(on_upper, np.pi, 0.0) + random.choice([0.0, 1e-12], count)
-    starts['beta'] = starts['gamma'] = 0.0
-    starts['restitution'] = 1.0
-    return starts
+    initial['displacement'] = np.where(on_upper, 0.0, -1.0)
+    initial['velocity'] = np.where(on_upper, -1.0, 1.0) * 10.0**random.uniform(-40.0, -6.0, count)
+    initial['alpha'] = 10.0**random.uniform(-1.0, 3.0, count)
+    initial['phase'] = np.where(on_upper, np.pi, 0.0) + random.choice([0.0, 1e-12], count)
+    initial['beta'] = initial['gamma'] = 0.0
+    initial['restitution'] = 1.0
+    return initial
 
 
 def tangent(random: np.random.Generator, count: int) -> RecordArray:
-    """Return starts on a wall that nearly meet it again with no velocity and no force."""
-    starts = everywhere(random, count)
+    """Return initial conditions on a wall that nearly meet it again without velocity or force."""
+    initial = everywhere(random, count)
     on_upper = random.random(count) < 0.5
-    starts['displacement'] = np.where(on_upper, 0.0, -1.0)
-    starts['beta'] = 0.0
-    starts['alpha'] = 10.0**random.uniform(-3.0, 3.0, count)
+    initial['displacement'] = np.where(on_upper, 0.0, -1.0)
+    initial['beta'] = 0.0
+    initial['alpha'] = 10.0**random.uniform(-3.0, 3.0, count)
     duration = 10.0**random.uniform(-6.0, -1.0, count)
     sign = np.where(on_upper, -1.0, 1.0)
     nearly = 1.0 + random.normal(0.0, 1.0, count) * 10.0**random.uniform(-16.0, -4.0, count)
-    starts['velocity'] = sign * starts['alpha'] * duration**3 / 24.0 * nearly
-    starts['phase'] = np.where(on_upper, 0.5, 1.5) * np.pi - 0.75 * duration
-    starts['gamma'] = -sign * starts['alpha'] * np.cos(0.25 * duration)
-    return starts
+    initial['velocity'] = sign * initial['alpha'] * duration**3 / 24.0 * nearly
+    initial['phase'] = np.where(on_upper, 0.5, 1.5) * np.pi - 0.75 * duration
+    initial['gamma'] = -sign * initial['alpha'] * np.cos(0.25 * duration)
+    return initial
 
 
 @numba.njit
-def by_lanes(tile, impacts, starts, found, counts):  # type: ignore[no-untyped-def]
-    """Write the first impacts of every start, through one tile."""
-    following = refill(tile, starts, 0, float(IMPACTS))
-    while following < len(starts) or is_busy(tile):
+def by_lanes(tile, impacts, initial, found, counts):  # type: ignore[no-untyped-def]
+    """Write the first impacts from every initial condition, through one tile."""
+    following = refill(tile, initial, 0, float(IMPACTS))
+    while following < len(initial) or is_busy(tile):
         advance(tile, impacts, STEPS)
         for i in range(LANES):
-            start = tile.start[i]
-            if start == EMPTY:
+            number = tile.number[i]
+            if number == EMPTY:
                 continue
             for j in range(tile.count[i]):
-                impact = found[start, counts[start]]
+                impact = found[number, counts[number]]
                 impact.cycle = impacts[i, j].cycle
                 impact.phase = impacts[i, j].phase
                 impact.velocity = impacts[i, j].velocity
-                counts[start] += 1
+                counts[number] += 1
             if tile.left[i] == 0.0 or tile.cycle[i] > LONGEST:
                 release(tile, i)
-        following = refill(tile, starts, following, float(IMPACTS))
+        following = refill(tile, initial, following, float(IMPACTS))
 
 
 @numba.njit
@@ -154,19 +154,19 @@ def by_events(trajectories, events, found, counts):  # type: ignore[no-untyped-d
     'kind',
     [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches, tangent])
 def test_scalar_and_lanes_give_the_same_bits(kind: Any) -> None:
-    """Of 6,000 starts of each kind, the first eight impacts, through sticking and release."""
-    starts = kind(np.random.default_rng(1), 6_000)
+    """The first eight impacts from 6,000 of each kind, through sticking and release."""
+    initial = kind(np.random.default_rng(1), 6_000)
     rows = new_impacts(STEPS)
-    lanes = np.zeros((len(starts), IMPACTS), rows.dtype)
+    lanes = np.zeros((len(initial), IMPACTS), rows.dtype)
     scalar = np.zeros_like(lanes)
-    lane_counts, counts = np.zeros((2, len(starts)), int)
-    by_lanes(new_tiles(1)[0], rows, starts, lanes, lane_counts)
-    trajectories = np.zeros(len(starts), TRAJECTORY)
-    for name in START.names or ():
-        trajectories[name] = starts[name]
+    lane_counts, counts = np.zeros((2, len(initial)), int)
+    by_lanes(new_tiles(1)[0], rows, initial, lanes, lane_counts)
+    trajectories = np.zeros(len(initial), TRAJECTORY)
+    for name in INITIAL.names or ():
+        trajectories[name] = initial[name]
     by_events(trajectories, np.zeros(1, EVENT), scalar, counts)
     late = lanes['cycle'] >= LONGEST
     lanes[late] = 0
     assert np.array_equal(lane_counts - late.sum(1), counts)
-    assert counts.sum() > 3 * len(starts)
+    assert counts.sum() > 3 * len(initial)
     assert lanes.tobytes() == scalar.tobytes()

@@ -19,16 +19,16 @@ FAR = 10**8
 TOLERANCE = 1e-3
 
 
-def random_start(rng: np.random.Generator) -> State:
-    """Return a start on the plane s = 0."""
+def random_state(rng: np.random.Generator) -> State:
+    """Return an initial condition on the plane s = 0."""
     return State(0, float(rng.uniform(0.0, TWO_PI)), 0.0, float(rng.uniform(-1.0, 1.0)))
 
 
 @functools.cache
 def stories(alpha: float, count: int, length: int, seed: int = 1) -> list[EventArray]:
-    """Return the first events from random starts."""
+    """Return the first events from random initial conditions."""
     rng = np.random.default_rng(seed)
-    return [Simulation(Parameters(alpha), random_start(rng)).advance(FAR, 0.0, length)
+    return [Simulation(Parameters(alpha), random_state(rng)).advance(FAR, 0.0, length)
             for _ in range(count)]
 
 
@@ -164,7 +164,7 @@ def test_a_late_joiner_sees_the_same_orbit() -> None:
 
 @functools.cache
 def story_with_everything() -> EventArray:
-    """Return a stream that settles, is retuned, kicked, reset, sticks and rests for ever."""
+    """Return a stream that settles, is retuned, kicked, reset, sticks and rests permanently."""
     simulation = Simulation(Parameters(0.48), State(0, 1.0, 0.0, -0.6))
     pieces = [simulation.advance(FAR, 0.0, 900), simulation.retune(Parameters(1.244)),
               simulation.advance(FAR, 0.0, 9000), simulation.retune(Parameters(0.48)),
@@ -180,7 +180,7 @@ def story_with_everything() -> EventArray:
 
 
 def test_a_whole_story() -> None:
-    """Orbit, transient by retune, kick and reset, and rest, each said once and in order."""
+    """Orbit, transient by retune, kick and reset, and rest, each reported once and in order."""
     events = story_with_everything()
     detector = TransientDetector(TOLERANCE)
     changes = detector.update(events)
@@ -243,7 +243,7 @@ def test_chaos_is_not_an_orbit() -> None:
         detector = TransientDetector(TOLERANCE)
         changes = detector.update(simulation.advance(FAR, 0.0, count))
         assert {change.regime for change in changes} == {Regime.TRANSIENT}
-        # What is known is said whenever it is known of twice as many impacts.
+        # A report comes whenever the number of impacts has doubled.
         assert [change.impacts for change in changes[1:]] == [
             1000 * 2**k for k in range(len(changes) - 1)]
         assert len(changes) == 1 + math.ceil(math.log2(count / 1000))
@@ -260,8 +260,8 @@ def test_nothing_is_recognised_across_a_hole() -> None:
     assert bits(late.update(events[2005:])) == bits(changes[2:])
 
 
-def test_rest_from_the_start_has_no_lifetime_to_speak_of() -> None:
-    """A mass that is never released has ended before its first impact."""
+def test_rest_from_the_beginning_has_no_lifetime() -> None:
+    """A gear that is never released is at rest before its first impact."""
     events = Simulation(Parameters(0.1, 0.1, 0.5), State(0, 1.0, 0.0, 0.0)).advance(9, 0.0, 9)
     report = detect(events)
     assert (report.regime, report.lifetime) == (Regime.REST, 0)
@@ -303,7 +303,7 @@ def test_the_whole_round_of_chatter_is_an_orbit() -> None:
     assert report.key == name_at_the_end(events, 68)
     assert report.multiplier == 0.0 and report.orbit is not None
     assert report.orbit.sticks == Wall.UPPER
-    # From the first release on all is the same; the flight to the impact behind it is counted
+    # From the first release on all is the same; the flight to the impact after it is counted
     # from the stick itself. The sticks are the same from the second one on.
     assert report.lifetime == sticks[0] + 3 and report.index == sticks[3] + 1
     assert 'sticks in every period' in report.describe()
@@ -334,7 +334,7 @@ def test_an_orbit_is_recognised_through_noise(noise: float, seed: int) -> None:
     quiet = Simulation(Parameters(0.48), State(velocity=-1.0)).advance(FAR, 0.0, 3000)
     assert report.key == detect(quiet).key == name_at_the_end(quiet, 2)
     assert report.lifetime == pytest.approx(detect(quiet).lifetime, abs=6)
-    # The scatter of the impacts behind it, each about the one that a quiet trajectory meets.
+    # The scatter of the impacts after it, each about the one that a quiet trajectory meets.
     impacts, orbit = section(events)[1000:], section(quiet)[-2:]
     orbit = orbit if apart(impacts[-2:], orbit).max() < 0.1 else orbit[::-1]
     scatter = apart(impacts, orbit[np.arange(-len(impacts), 0) % 2])
@@ -404,7 +404,7 @@ def test_a_ramp_through_chaos_has_one_report_for_each_regime() -> None:
 
 
 def test_an_orbit_that_is_followed_through_a_ramp_is_one_orbit() -> None:
-    """A from 0.48 to 0.58, also through noise: nothing is said until the ramp is over."""
+    """A from 0.48 to 0.58, also through noise: nothing is reported until the ramp is over."""
     for noise in (0.0, 1e-6):
         simulation = Simulation(Parameters(0.48), State(velocity=-0.5), noise=noise, seed=1)
         pieces = [simulation.advance(300, 0.0, 10_000)]
@@ -443,7 +443,7 @@ def test_a_change_of_alpha_begins_a_transient_where_it_was_made() -> None:
 
 
 def test_words_for_chaos_have_the_exponent_of_their_impacts() -> None:
-    """No orbit in so many impacts, and the exponent that another average over them gives."""
+    """The number of impacts without an orbit, and the exponent that another average gives."""
     simulation = Simulation(Parameters(0.57), State(velocity=-1.0))
     events = simulation.advance(FAR, 0.0, 40_001)
     detector = TransientDetector(TOLERANCE)
@@ -459,9 +459,9 @@ def test_words_for_chaos_have_the_exponent_of_their_impacts() -> None:
     assert detector.report.impacts == 40_000
 
 
-def test_an_orbit_is_told_from_its_doubling() -> None:
+def test_an_orbit_is_distinguished_from_its_doubling() -> None:
     """A split far below the tolerance: of B's doubled orbit, not of the unstable one between."""
-    # Just beyond the doubling of B, whose place the multiplier of the orbit of two tells.
+    # Just beyond the doubling of B, whose place follows from the multiplier of the orbit of two.
     for alpha in np.linspace(0.518, 0.5215, 8):
         simulation = Simulation(Parameters(float(alpha)), State(velocity=-1.0))
         simulation.advance(FAR, 0.0, 60_000)

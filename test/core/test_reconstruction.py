@@ -66,7 +66,7 @@ def test_flights_end_in_the_recorded_events(cycle: int) -> None:
         assert v == pytest.approx(after['velocity'], abs=1e-11)
 
 
-def test_a_mass_that_sticks_stands_still() -> None:
+def test_a_gear_that_sticks_stands_still() -> None:
     """From the record of sticking to the release, s is the wall's and s' is zero."""
     events = stream(Parameters(0.3, 0.1, 0.3, 0.3), 40)
     stuck = np.flatnonzero(events['kind'] == EventKind.STICK)
@@ -82,7 +82,7 @@ def test_a_mass_that_sticks_stands_still() -> None:
 
 
 def test_only_the_last_periods_are_sampled() -> None:
-    """A stretch begins where it is told to and is as fine as it is told to be."""
+    """A stretch begins where it was asked to and is as fine as requested."""
     events = stream(Parameters(0.48), 30)
     whole = rebuild(events, 0.1)
     motion = rebuild(events, 0.1, 4.0)

@@ -24,7 +24,7 @@ MOMENTS = st.lists(st.tuples(st.integers(0, 5), PHASES), max_size=8)
 
 def gather(simulation: Simulation, cycle: int, phase: float, most: int,
            room: int = 3000) -> EventArray:
-    """Return the events up to a moment, at most so many at a time, `room` in all."""
+    """Return the events up to a moment, at most `most` at a time, `room` in all."""
     pieces = [np.empty(0, EVENT)]
     count = 0
     while count < room:
@@ -84,7 +84,7 @@ def test_every_event_is_a_possible_one(parameters: Parameters, state: State) -> 
 @given(parameters=PARAMETERS, state=STATES, cycle=st.integers(0, 3), phase=PHASES)
 def test_state_stays_between_the_walls(
         parameters: Parameters, state: State, cycle: int, phase: float) -> None:
-    """Whenever one looks, the mass is where State allows, at the time asked for."""
+    """At any time asked for, the gear is where State allows."""
     assume((cycle, phase) >= (0, state.phase))
     simulation = Simulation(parameters, state)
     events = simulation.advance(cycle, phase, 3000)
@@ -149,8 +149,8 @@ def test_a_retune_to_the_same_parameters_changes_nothing(
         assert a['velocity'][0] == pytest.approx(b['velocity'][0], abs=1e-11)
 
 
-def test_retune_releases_a_resting_mass() -> None:
-    """A mass at rest for ever leaves when the load changes sign, at that moment."""
+def test_retune_releases_a_resting_gear() -> None:
+    """A gear permanently at rest leaves when the load changes sign, at that moment."""
     simulation = Simulation(Parameters(0.2, 0.1, 0.5, 0.9), State())
     simulation.advance(7, 3.0, 10)
     assert simulation.is_permanently_at_rest
@@ -209,7 +209,7 @@ def test_impossible_noise_is_refused(name: str, value: float) -> None:
 
 @pytest.mark.parametrize('cycle', [10**9, 2**32 - 3])
 def test_long_runs_lose_no_digits(cycle: int) -> None:
-    """Started so many periods later, the events are the same to the bit; cycles wrap at 2^32."""
+    """Begun many periods later, the events are the same to the bit; cycles wrap at 2^32."""
     early = Simulation(Parameters(1.2), State(0, 0.3, -0.5, 0.4)).advance(100, 0.0, 5000)
     late = Simulation(Parameters(1.2), State(cycle, 0.3, -0.5, 0.4)).advance(
         cycle + 100, 0.0, 5000)
@@ -232,7 +232,7 @@ def test_impact_numbers_wrap() -> None:
 
 @pytest.mark.parametrize('alpha, gamma', [(0.0, 1e-6), (1e-4, 1e-7), (0.01, -1e-8)])
 def test_flights_longer_than_64_periods(alpha: float, gamma: float) -> None:
-    """A load so small takes hundreds of periods to the wall: right in 50 digits all the same."""
+    """A tiny load takes hundreds of periods to the wall: right in 50 digits all the same."""
     start = State(0, math.pi / 2, -0.5, 0.0)
     simulation = Simulation(Parameters(alpha, 0.0, gamma, 0.9), start)
     event = simulation.advance(10**5, 0.0, 2)[1]
@@ -254,7 +254,7 @@ def test_flights_longer_than_64_periods(alpha: float, gamma: float) -> None:
 
 @pytest.mark.parametrize('beta', [0.0, 0.1])
 def test_a_flight_without_any_impact_does_not_hang(beta: float) -> None:
-    """A mass that oscillates between the walls for ever: no event in 2^31 - 1 periods."""
+    """A gear that always oscillates between the walls: no event in 2^31 - 1 periods."""
     alpha = 0.3
     simulation = Simulation(Parameters(alpha, beta, 0.0, 0.9), State(0, 0.0, -0.5, alpha))
     cycle = 2**31 - 1
@@ -290,7 +290,7 @@ def test_kicks_are_normal_and_independent() -> None:
     assert abs(np.corrcoef(kicks[both], others[both])[0, 1]) < 5 / math.sqrt(both.sum())
 
 
-def test_a_kick_never_drives_the_mass_through_the_wall() -> None:
+def test_a_kick_never_drives_the_gear_through_the_wall() -> None:
     """Even the strongest noise leaves the velocity away from the wall."""
     events = Simulation(Parameters(0.48), State(), noise=10.0, seed=1).advance(
         10**6, 0.0, 20000)[1:]
@@ -301,7 +301,7 @@ def test_a_kick_never_drives_the_mass_through_the_wall() -> None:
 
 
 def test_velocities_without_bound_can_be_looked_at() -> None:
-    """An elastic mass without friction gains speed for ever; its state is still a State."""
+    """An elastic gear without friction always gains speed; its state is still a State."""
     simulation = Simulation(Parameters(1000.0, 0.0, 0.0, 1.0), State(0, 0.2, -0.3, 9999.0))
     for _ in range(20):
         simulation.advance(10**6, 0.0, 1000)

@@ -13,10 +13,10 @@ from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
 
 Array = np.ndarray[Any, Any]
 TRAJECTORIES: Final = 400
-# Drive periods that are let pass, and to which it goes.
+# Drive periods that are left out, and the last one.
 SKIPPED, LAST = 8, 24
 PHASE_BINS: Final = 6
-# At rest on a wall that presses, an impact so slow is the last for the integrator.
+# On a pressed wall, an impact this slow is the last for the integrator.
 SLOW: Final = 1e-6
 
 # alpha, beta, gamma, restitution: far beyond the paper's, with every special value.
@@ -26,7 +26,7 @@ SETTINGS: Final = [
     (0.6, 2.0, 0.1, 0.9), (7.0, 10.0, 2.0, 0.4), (0.0, 0.0, 0.3, 1.0), (0.5, 0.1, -0.1, 0.3)]
 
 
-def some_starts(seed: int) -> tuple[Array, Array, Array]:
+def some_states(seed: int) -> tuple[Array, Array, Array]:
     """Return phases, displacements and velocities."""
     random = np.random.default_rng(seed)
     return (random.uniform(0.0, TWO_PI, TRAJECTORIES), -random.uniform(0.05, 0.95, TRAJECTORIES),
@@ -54,12 +54,12 @@ def runge_kutta(tau, s, v, h, alpha, beta, gamma):  # type: ignore[no-untyped-de
 
 
 @numba.njit
-def integrated(starts, alpha, beta, gamma, restitution):  # type: ignore[no-untyped-def]
+def integrated(states, alpha, beta, gamma, restitution):  # type: ignore[no-untyped-def]
     """Return number, phase and velocity of the impacts, by bisection of the step that crosses."""
     found = []
     longest = 0.01 / max(1.0, math.sqrt(alpha))
-    for number in range(starts.shape[1]):
-        tau, s, v = starts[:, number]
+    for number in range(states.shape[1]):
+        tau, s, v = states[:, number]
         while tau < LAST * TWO_PI:
             s1, v1 = runge_kutta(tau, s, v, longest, alpha, beta, gamma)
             if -1.0 <= s1 <= 0.0:
@@ -96,9 +96,9 @@ def integrated(starts, alpha, beta, gamma, restitution):  # type: ignore[no-unty
     return found
 
 
-def simulated(parameters: Parameters, start: tuple[float, float, float]) -> EventArray:
+def simulated(parameters: Parameters, state: tuple[float, float, float]) -> EventArray:
     """Return the events of a trajectory."""
-    return Simulation(parameters, State(0, *start)).advance(LAST, 0.0, 10**5)
+    return Simulation(parameters, State(0, *state)).advance(LAST, 0.0, 10**5)
 
 
 def require_sound_flights(events: EventArray, parameters: Parameters) -> None:
@@ -128,7 +128,7 @@ def summaries(number: Array, phase: Array, velocity: Array) -> Array:
 
 
 def independent(rows: Array) -> float:
-    """Return how many trajectories these are worth: of those that have stuck many are copies."""
+    """Return how many of these trajectories are independent: many that stuck are copies."""
     copies = np.unique(rows.round(6), axis=0, return_counts=True)[1]
     return float(copies.sum()**2 / (copies**2).sum())
 
@@ -137,11 +137,11 @@ def independent(rows: Array) -> float:
 @pytest.mark.parametrize('setting', SETTINGS)
 def test_means_and_histograms_equal_those_of_an_integrator(setting: tuple[float, ...]) -> None:
     """Rates of impacts, share of the walls, mean speeds and phases, within their errors."""
-    starts = some_starts(1)
+    states = some_states(1)
     parameters = Parameters(*setting)
     parts = []
-    for number, start in enumerate(zip(*(row.tolist() for row in starts), strict=True)):
-        events = simulated(parameters, start)
+    for number, state in enumerate(zip(*(row.tolist() for row in states), strict=True)):
+        events = simulated(parameters, state)
         assert len(events) < 10**5
         require_sound_flights(events, parameters)
         # Impacts too weak for the integrator to tell from rest are left out on both sides.
@@ -152,7 +152,7 @@ def test_means_and_histograms_equal_those_of_an_integrator(setting: tuple[float,
     number, phase, velocity = np.concatenate(parts, axis=1)
     strong = np.abs(velocity) > 1e-2
     own = summaries(number[strong].astype(int), phase[strong], velocity[strong])
-    number, phase, velocity = np.array(integrated(np.array(starts), *setting)).T
+    number, phase, velocity = np.array(integrated(np.array(states), *setting)).T
     strong = np.abs(velocity) > 1e-2
     other = summaries(number[strong].astype(int), phase[strong], velocity[strong])
     difference = own.mean(0) - other.mean(0)

@@ -1,4 +1,4 @@
-"""Corner cases on the walls: starts, grazing, chatter, sticking, release, rest."""
+"""Corner cases on the walls: initial conditions, grazing, chatter, sticking, release, rest."""
 
 import math
 
@@ -18,8 +18,8 @@ def times(events: EventArray) -> np.ndarray:
 
 
 @pytest.mark.parametrize('wall, towards', [(0.0, 1.0), (-1.0, -1.0)])
-def test_start_on_a_wall_moving_into_it_is_an_impact_at_once(wall: float, towards: float) -> None:
-    """The first impact has the phase, the place and the velocity of the start."""
+def test_a_state_moving_into_its_wall_is_an_impact_at_once(wall: float, towards: float) -> None:
+    """The first impact has the phase, the place and the velocity of the initial condition."""
     simulation = Simulation(Parameters(), State(2, 1.0, wall, 0.5 * towards))
     first = simulation.advance(9, 0.0, 2)[1]
     assert (first['kind'], first['index']) == (EventKind.IMPACT, 1)
@@ -29,7 +29,7 @@ def test_start_on_a_wall_moving_into_it_is_an_impact_at_once(wall: float, toward
 
 
 @pytest.mark.parametrize('wall, towards', [(0.0, 1.0), (-1.0, -1.0)])
-def test_start_on_a_wall_moving_off_it_is_no_impact(wall: float, towards: float) -> None:
+def test_a_state_moving_off_its_wall_is_no_impact(wall: float, towards: float) -> None:
     """The first impact comes later and is right in 50 digits."""
     flight = Flight(1.0, wall, -0.5 * towards, 0.48, 0.1, 0.1)
     simulation = Simulation(Parameters(), State(0, 1.0, wall, -0.5 * towards))
@@ -46,9 +46,9 @@ def test_start_on_a_wall_moving_off_it_is_no_impact(wall: float, towards: float)
 
 @pytest.mark.parametrize('wall, gamma', [(0.0, -0.3), (-1.0, 0.3)])
 @pytest.mark.parametrize('alpha, beta', [(0.0, 0.0), (0.0, 0.1), (0.1, 0.0), (0.1, 2.0)])
-def test_start_at_rest_on_a_wall_that_does_not_press(
+def test_a_state_at_rest_on_a_wall_that_does_not_press(
         wall: float, gamma: float, alpha: float, beta: float) -> None:
-    """The mass leaves at once and meets the other wall first, when 50 digits say."""
+    """The gear leaves at once and meets the other wall first, at the time of 50 digits."""
     first = Simulation(Parameters(alpha, beta, gamma, 0.9), State(0, 0.0, wall, 0.0)).advance(
         20, 0.0, 2)[1]
     flight = Flight(0.0, wall, 0.0, alpha, beta, gamma)
@@ -61,7 +61,7 @@ def test_start_at_rest_on_a_wall_that_does_not_press(
 
 @pytest.mark.parametrize('wall, gamma', [(0.0, 0.3), (-1.0, -0.3)])
 @pytest.mark.parametrize('restitution', [0.0, 0.9, 1.0])
-def test_start_at_rest_on_a_wall_that_presses_for_ever(
+def test_a_state_at_rest_on_a_wall_that_always_presses(
         wall: float, gamma: float, restitution: float) -> None:
     """Without a release no event ever comes, and the end is known."""
     simulation = Simulation(Parameters(0.2, 0.1, gamma, restitution), State(0, 0.0, wall, 0.0))
@@ -74,7 +74,7 @@ def test_start_at_rest_on_a_wall_that_presses_for_ever(
     (0.5, 0.1, 0.1, 0.0), (0.5, 0.0, 0.3, 0.0), (2.0, 0.7, -0.4, -1.0), (1.0, 0.1, 0.0, -1.0)])
 def test_release_at_the_zero_of_the_force(
         alpha: float, beta: float, gamma: float, wall: float) -> None:
-    """A pressed mass leaves at the next zero of a(tau, 0), to an ulp or two, with no velocity."""
+    """A pressed gear leaves at the next zero of a(tau, 0), to an ulp or two, with no velocity."""
     towards = 1.0 if wall == 0.0 else -1.0
     with mp.workdps(DIGITS):
         def force(tau: mp.mpf) -> mp.mpf:
@@ -120,7 +120,7 @@ def test_chatter_under_a_constant_force_is_geometric(
 
 
 def test_chatter_at_the_parameters_of_the_paper_ends_and_goes_on() -> None:
-    """A chattering start sticks, is released at the zero of the force, and rattles on."""
+    """A chattering gear sticks, is released at the zero of the force, and rattles on."""
     parameters = Parameters(0.48, 0.1, 0.1, 0.9)
     sticking = 0
     for phase in np.linspace(4.5, 6.2, 30):
@@ -141,7 +141,7 @@ def test_chatter_at_the_parameters_of_the_paper_ends_and_goes_on() -> None:
     assert sticking > 0
 
 
-def test_without_restitution_the_mass_sticks_or_leaves_at_once() -> None:
+def test_without_restitution_the_gear_sticks_or_leaves_at_once() -> None:
     """With r = 0: after an impact the velocity is zero, and pressed means stuck."""
     rng = np.random.default_rng(0)
     kinds: set[int] = set()
@@ -157,8 +157,8 @@ def test_without_restitution_the_mass_sticks_or_leaves_at_once() -> None:
     assert kinds == {EventKind.IMPACT, EventKind.STICK}
 
 
-def test_an_elastic_mass_never_sticks() -> None:
-    """With r = 1 under a constant force: the same bounce for ever, however small."""
+def test_an_elastic_gear_never_sticks() -> None:
+    """With r = 1 under a constant force: the same bounce again and again, however small."""
     for v in (1e-3, 1e-9, 1e-12):
         events = Simulation(Parameters(0.0, 0.0, 0.2, 1.0), State(0, 0.0, 0.0, v)).advance(
             10**4, 0.0, 500)[1:]
@@ -181,8 +181,8 @@ def test_a_load_as_strong_as_the_drive_does_not_hang(beta: float, short: float) 
 
 
 @pytest.mark.parametrize('beta, velocity', [(0.0, 0.0), (0.1, 0.0), (1.0, 0.3), (100.0, -20.0)])
-def test_motion_that_dies_out_between_the_walls(beta: float, velocity: float) -> None:
-    """Without any force there is no event, and the mass stands at s0 + v0/beta."""
+def test_motion_that_decays_between_the_walls(beta: float, velocity: float) -> None:
+    """Without any force there is no event, and the gear stands at s0 + v0/beta."""
     simulation = Simulation(Parameters(0.0, beta, 0.0, 0.9), State(0, 0.0, -0.5, velocity))
     assert len(simulation.advance(10**4, 0.0, 100)) == 1
     state = simulation.state
@@ -193,7 +193,7 @@ def test_motion_that_dies_out_between_the_walls(beta: float, velocity: float) ->
 
 @pytest.mark.parametrize('gamma, wall', [(-1000.0, 0.0), (1000.0, -1.0)])
 def test_a_weak_drive_under_a_strong_load_passes_no_wall(gamma: float, wall: float) -> None:
-    """A mass let go on one wall hits the other after sqrt(2/|gamma|)."""
+    """A gear released on one wall hits the other after sqrt(2/|gamma|)."""
     first = Simulation(Parameters(1e-9, 0.0, gamma, 0.5), State(0, 0.0, wall)).advance(
         1, 0.0, 2)[1]
     assert first['displacement'] == -1.0 - wall

@@ -73,7 +73,7 @@ def test_lost_impacts_are_counted(keep: list[bool], cuts: list[int], first: int)
 
 
 def test_a_lost_retune_or_reset_is_a_gap_without_impacts() -> None:
-    """The epoch tells, where no impact is missing."""
+    """The epoch shows it, where no impact is missing."""
     events = stream()
     for kind in (EventKind.RETUNE, EventKind.RESET):
         k = int(np.flatnonzero(events['kind'] == kind)[-1])
@@ -85,7 +85,7 @@ def test_a_lost_retune_or_reset_is_a_gap_without_impacts() -> None:
 
 
 def test_a_lost_release_is_a_gap() -> None:
-    """After a mass has stuck no impact can follow without one."""
+    """After a gear has stuck no impact can follow without one."""
     simulation = Simulation(Parameters(0.48), State(0, 5.0, 0.0, 0.02))
     events = simulation.advance(40, 0.0, 4000)
     release = int(np.argmax(events['kind'] == EventKind.RELEASE))
@@ -123,13 +123,13 @@ def test_what_comes_twice_or_goes_back_does_not_follow(start: int, stop: int) ->
 
 
 def test_an_empty_batch_is_nothing() -> None:
-    """Neither a start nor a gap."""
+    """Neither a beginning nor a gap."""
     guard = StreamGuard()
     assert guard.split(stream()[:0]) == []
     assert reasons(guard.split(stream()[:3])) == ['start']
 
 
-def test_a_hole_says_what_is_missing() -> None:
+def test_a_hole_names_what_is_missing() -> None:
     """By index and epoch, also where the numbers wrap and where no impact is missing."""
     assert Hole((9, 1), (30, 1), 20).describe() == '20 impacts, 10 to 29 (epoch 1)'
     assert Hole((2**32 - 2, 0), (1, 2), 2).describe() == (

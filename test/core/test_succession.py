@@ -55,7 +55,7 @@ def test_a_run_follows_however_it_is_cut(noise: float, start: State) -> None:
     """Every kind of record, noise and the wrap of the cycle numbers; all flights are rebuilt."""
     batches = story(noise, start)
     whole = np.concatenate(batches)
-    # A mass that is kicked at every impact never sticks.
+    # A gear that is kicked at every impact never sticks.
     assert set(whole['kind']) >= set(EventKind) - ({EventKind.STICK, EventKind.RELEASE} if noise
                                                    else set())
     for pieces in (batches, [whole], [whole[i:i + 1] for i in range(len(whole))]):
@@ -79,7 +79,7 @@ def test_the_wrap_of_the_index_is_no_hole() -> None:
 
 
 @pytest.mark.parametrize('noise', [0.0, 1e-3])
-def test_the_lowest_bit_of_any_number_is_missed(noise: float) -> None:
+def test_a_flip_of_the_lowest_bit_of_any_number_is_found(noise: float) -> None:
     """One flipped bit in any field of a record is found there, in the field, by its number."""
     whole = np.concatenate(story(noise))
     rng = np.random.default_rng(1)
@@ -112,7 +112,7 @@ def test_the_lowest_bit_of_any_number_is_missed(noise: float) -> None:
                 assert named or name in ('kind', 'cycle'), (name, found)
 
 
-def test_a_high_bit_of_a_cycle_is_missed_in_a_run_without_impacts() -> None:
+def test_a_flip_of_a_high_bit_of_a_cycle_is_found_in_a_run_without_impacts() -> None:
     """The flight of 2^30 periods that it would be is followed to its end."""
     s = Simulation(Parameters(0.2, 0.1, 0.0), State(velocity=0.2, displacement=-0.6))
     batches = [s.advance(100, 1.0, 10), s.retune(Parameters(0.21, 0.1, 0.0)),
@@ -125,7 +125,7 @@ def test_a_high_bit_of_a_cycle_is_missed_in_a_run_without_impacts() -> None:
 
 
 def test_missing_batches_are_holes_with_their_numbers() -> None:
-    """What is lost is told by index and epoch, and is no contradiction."""
+    """What is lost is named by index and epoch, and is no contradiction."""
     batches = story()
     check = Succession()
     assert joined(check, batches[:3] + batches[5:]) is None

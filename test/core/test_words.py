@@ -8,7 +8,7 @@ import pytest
 from gear_rattle_ros.core.words import counted, in_columns
 
 PACKAGE = Path(__file__).parents[2] / 'gear_rattle_ros'
-NOUNS = ('drive periods', 'impacts', 'attractors', 'initial conditions', 'starts', 'trajectories',
+NOUNS = ('drive periods', 'impacts', 'attractors', 'initial conditions', 'cells', 'trajectories',
          'pieces', 'gaps', 'messages', 'events', 'tiles', 'batches', 'readers', 'times', 'escapes',
          'kernels', 'estimates', 'reports', 'flights', 'epochs', 'runs', 'holes', 'retunes')
 
@@ -16,7 +16,7 @@ NOUNS = ('drive periods', 'impacts', 'attractors', 'initial conditions', 'starts
 @pytest.mark.parametrize(('count', 'noun', 'words'), [
     (0, 'impact', '0 impacts'), (1, 'drive period', '1 drive period'),
     (2, 'trajectory', '2 trajectories'), (1, 'trajectory', '1 trajectory'),
-    (3, 'batch', '3 batches'), (2, 'epoch', '2 epochs'), (12345.0, 'start', '12,345 starts')])
+    (3, 'batch', '3 batches'), (2, 'epoch', '2 epochs'), (12345.0, 'cell', '12,345 cells')])
 def test_one_is_singular(count, noun, words):
     assert counted(count, noun) == words
 
@@ -47,8 +47,8 @@ def pasted(text):
 
 
 def test_no_number_is_pasted_before_a_plural():
-    """All texts of the package say a count by the one function, so that one is singular."""
+    """All texts of the package write counts with the one function, so that one is singular."""
     assert list(pasted("f'{n:,} impacts and {N} impacts in {t:.1f} impacts'")) == [(1, 'n')]
-    # A hole of one impact is told in other words.
+    # A hole of one impact is worded differently.
     assert [f'{file.name} {line}: {name}' for file in sorted(PACKAGE.rglob('*.py'))
             for line, name in pasted(file.read_text()) if file.name != 'guard.py'] == []

@@ -50,7 +50,7 @@ class Tab:
         return self.page.evaluate(f"Bokeh.documents[0].get_model_by_name('{name}').{what}")
 
     def wait_for_cells(self, cells: int, within: float = 120.0) -> None:
-        """Wait for a whole picture of so many cells of the window that is shown."""
+        """Wait for a whole picture of `cells` on a side of the window that is shown."""
         self.wait(f"""(() => {{
             const find = (name) => Bokeh.documents[0].get_model_by_name(name);
             const range = find('plane').x_range, data = find('picture').data;

@@ -79,7 +79,7 @@ def frame_of(tab: Tab, path: Path) -> np.ndarray:
 
 
 def test_page_loads_and_draws_both_basins(tab: Tab, tmp_path: Path) -> None:
-    """Orbits of 2 and 3 impacts, 62 and 38 % as a search of its own has it, in their colours."""
+    """Orbits of 2 and 3 impacts, with the shares of a separate search, in their colours."""
     tab.wait_for_cells(400)
     pixels = frame_of(tab, tmp_path / 'page.png')
     hues = np.array([list(bytes.fromhex(colour[1:])) for colour in HUES[:2]], float)
@@ -97,7 +97,7 @@ def test_page_loads_and_draws_both_basins(tab: Tab, tmp_path: Path) -> None:
 
 
 def test_wheel_zooms_and_every_cell_is_computed_afresh(tab: Tab) -> None:
-    """The window shrinks about the pointer; labels are those of the starts it now shows."""
+    """The window shrinks about the pointer; labels are those of the cells it now shows."""
     tab.wait_for_cells(400)
     before = tab.window()
     tab.page.mouse.move(300, 250)
@@ -113,10 +113,10 @@ def test_wheel_zooms_and_every_cell_is_computed_afresh(tab: Tab) -> None:
     # A finer picture of the same window may have come meanwhile.
     size = math.isqrt(labels.size)
     plane = Plane(0.0, after[:2], after[2:], size, size)
-    starts = plane.cells(parameters, slice(0, size), slice(0, size))[::97]
+    initial = plane.cells(parameters, slice(0, size), slice(0, size))[::97]
     catalogue = find_attractors(parameters, Plane().draw(parameters, 300, 4),
                                 chaotic=False)
-    theirs = catalogue.label(starts, CAP)
+    theirs = catalogue.label(initial, CAP)
     # The browser knows where its window begins and how wide it is; its end may differ by an ulp.
     assert np.mean(labels[::97] == theirs['label']) > 0.995
 
@@ -157,7 +157,7 @@ def test_click_shows_the_trajectory(tab: Tab) -> None:
 
 def test_view_is_saved_with_the_command_that_makes_it(
         tab: Tab, server: tuple[int, Path, int]) -> None:
-    """Dataset and picture; the labels are those of the page, start by start."""
+    """Dataset and picture; the labels are those of the page, cell by cell."""
     tab.wait_for_cells(400)
     before = np.array(tab.array('label'))
     tab.page.get_by_text('save this view').click()
@@ -177,8 +177,8 @@ def test_view_is_saved_with_the_command_that_makes_it(
     assert not np.any(theirs == UNSETTLED)
 
 
-def test_deepest_window_says_that_float64_ends(tab: Tab) -> None:
-    """The wheel does not lead beyond it, and a sentence says why."""
+def test_deepest_window_reports_that_float64_ends(tab: Tab) -> None:
+    """The wheel does not lead beyond it, and a sentence explains why."""
     tab.page.mouse.move(300, 250)
     for _ in range(100):
         tab.page.mouse.wheel(0, -200)

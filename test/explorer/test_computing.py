@@ -29,7 +29,7 @@ def until(view: View, cells: int) -> Picture:
 
 
 def keys(picture: Picture) -> np.ndarray:
-    """Name the attractor of every start."""
+    """Name the attractor of every cell."""
     colours = Colours().followed(picture.known)
     return np.array([[colours.names[int(label)] for label in row] for row in picture.labels])
 
@@ -54,13 +54,13 @@ def test_labels_are_those_of_a_search_of_its_own(alpha: float, displacement: flo
 
 
 def test_a_level_stands_in_for_the_next() -> None:
-    """At a deep window whose starts agree, finer levels say the same as the coarse one."""
+    """At a deep window whose cells agree, finer levels have the label of the coarse one."""
     picture = until(View(phase=(1.0, 1.0 + 1e-9), velocity=(0.5, 0.5 + 1e-9)), 200)
     assert len(np.unique(picture.labels)) == 1
 
 
 def test_what_is_given_up_stops_between_strips() -> None:
-    """The check is asked before anything long begins, and its exception comes through."""
+    """The check is called before anything long begins, and its exception comes through."""
     class Enough(Exception):
         pass
 
@@ -109,7 +109,7 @@ def test_worker_does_nothing_for_a_page_that_has_gone() -> None:
 
 @pytest.fixture(scope='module')
 def resting() -> Iterator[Picture]:
-    """Return a picture whose starts all come to rest on the upper wall."""
+    """Return a picture whose cells all come to rest on the upper wall."""
     yield until(View(Parameters(alpha=0.05, gamma=0.2)), 50)
 
 
@@ -124,7 +124,7 @@ def test_rest_has_colour_and_words(resting: Picture) -> None:
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_where_areas_are_kept_all_is_unsettled_and_said_why(kind: str) -> None:
+def test_where_areas_are_preserved_all_is_unsettled_and_explained(kind: str) -> None:
     """Up to the finest level, in seconds; exponents do not need attractors."""
     view = View(Parameters(alpha=0.1, beta=0.0, gamma=0.0, restitution=1.0), kind=kind)
     picture = until(view, 400 if kind != EXPONENTS else 100)
@@ -136,19 +136,19 @@ def test_where_areas_are_kept_all_is_unsettled_and_said_why(kind: str) -> None:
         assert f'unsettled: {CONSERVES}' in words and '100.0' in words
 
 
-def test_exponents_are_those_of_the_starts() -> None:
+def test_exponents_are_those_of_the_cells() -> None:
     """Of all cells, whatever was shown before they were computed."""
     view = View(Parameters(alpha=0.57), kind=EXPONENTS)
     picture = until(view, 100)
-    starts = view.plane(picture.cells).cells(
+    initial = view.plane(picture.cells).cells(
         view.parameters, slice(0, picture.cells), slice(0, picture.cells))
-    expected = finite_time_exponents(starts, SPAN).astype(np.float32)
+    expected = finite_time_exponents(initial, SPAN).astype(np.float32)
     assert picture.exponents is not None
     np.testing.assert_array_equal(picture.exponents.ravel(), expected)
 
 
 def test_a_deep_window_ends() -> None:
-    """Where float64 tells no finer cells apart, the coarse picture is the last."""
+    """Where float64 cannot resolve finer cells, the coarse picture is the last."""
     *_, last = pictures(View(phase=(1.0, 1.0 + 1.2e-13), velocity=(0.5, 0.5 + 1.2e-13)),
                         Catalogues(), lambda: None)
     assert last.is_last and last.cells < 100

@@ -13,7 +13,7 @@ pytest.importorskip('rclpy')
 
 def test_simulator_goes_on_from_the_state(
         start: Callable[..., object], rclpy_node, spin: Callable[..., None]) -> None:
-    """Its stream has a reset with the very numbers; a difference of parameters is told."""
+    """Its stream has a reset with the very numbers; a difference of parameters is reported."""
     from sensor_msgs.msg import PointCloud2
 
     from gear_rattle_ros.messages import events_from_cloud
@@ -41,7 +41,7 @@ def test_simulator_goes_on_from_the_state(
     link.close()
 
 
-def test_without_a_simulator_it_says_what_to_do(domain: int) -> None:
+def test_without_a_simulator_it_explains_what_to_do(domain: int) -> None:
     """Within seconds, in one line."""
     link = SimulatorLink()
     said, is_good = link.send(State(0, 1.0, 0.0, 0.5), Parameters())

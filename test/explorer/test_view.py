@@ -34,7 +34,7 @@ def test_command_computes_the_very_window(
 
 
 def test_cells_stay_different_numbers_to_the_very_depth() -> None:
-    """In the narrowest window all centres differ; the view says that float64 ends there."""
+    """In the narrowest window all centres differ; the view reports that float64 ends there."""
     for phase in (4.0, 6.283, 100.0):
         view = View(phase=(phase - NARROWEST / 2, phase + NARROWEST / 2),
                     velocity=(1.5, 1.5 + NARROWEST))

@@ -25,7 +25,7 @@ COMMANDS = {
     '1': 'section --alpha 0.57 --trajectories 8 --skip 500 --keep 1000 --bins 300 200 '
          '--output {store} --picture {picture}',
     '2a': 'orbit_diagram --alpha 1.3 1.37 --columns 300 --bins 400 --trajectories 1 '
-          '--keep 256 --sweep starts --draw velocity --output {store:2} --picture {picture}',
+          '--keep 256 --sweep random --draw velocity --output {store:2} --picture {picture}',
     '2b': 'orbit_diagram --alpha 1.3 1.37 --columns 300 --bins 400 --trajectories 1 '
           '--keep 256 --sweep starts --draw exponent --output {store:2} --picture {picture}',
     '3': 'basins --alpha 0.48 --size 40 --output {store} --picture {picture}',

@@ -90,7 +90,7 @@ def test_a_restart_and_a_hole_are_counted() -> None:
     assert ', 10 lost' in summary.title_of(digest, 'bag')
 
 
-def test_a_panel_that_stays_empty_says_why() -> None:
+def test_a_panel_that_stays_empty_explains_why() -> None:
     """Chatter sticks in every period: no exponent is finite; a ramp has finite-time ones."""
     chatter = Simulation(Parameters(5.0, 0.0159, 2.533, 0.7), State(velocity=-1.0)).advance(
         10**6, 0.0, 3000)
@@ -117,7 +117,7 @@ def test_a_panel_that_stays_empty_says_why() -> None:
 def picture(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     """Return the pixels of a picture of the story, each channel from 0 to 255."""
     path = tmp_path_factory.mktemp('picture') / 'summary.png'
-    # Chaos that lasts: at 1.244 it ends after a time that hangs on the last bit.
+    # Chaos that lasts: at 1.244 it ends after a time that depends on the last bit.
     draw(digest_of(story(3000, 1.1)), 'bag').savefig(path)
     return np.rint(imread(path)[:, :, :3] * 255.0).astype(int)
 
@@ -136,7 +136,7 @@ def test_picture_has_its_size_and_every_part_is_drawn(picture: np.ndarray) -> No
     assert picture.shape == (1000, 1600, 3)
     low, high = colormaps['plasma'](0.0), colormaps['plasma'](summary.MAP_END)
     section, right = picture[50:800, 60:730], picture[:, 820:]
-    # How many points the transient has at 1.244 hangs on the last bits of a flight.
+    # How many points the transient has at 1.244 depends on the last bits of a flight.
     assert count(section, low) > 100 and count(section, high) > 100
     velocity, exponents, motion = right[50:230], right[470:710], right[810:960]
     assert count(velocity, low) > 300 and count(velocity, high) > 300
@@ -150,7 +150,7 @@ def test_picture_has_its_size_and_every_part_is_drawn(picture: np.ndarray) -> No
 
 def test_command_makes_a_picture_of_a_bag(tmp_path: Path,
                                           capsys: pytest.CaptureFixture[str]) -> None:
-    """Beside the bag or where it is told to; what cannot be written is said in one line."""
+    """Beside the bag or at the path given; what cannot be written is refused in one line."""
     bag = tmp_path / 'bag'
     make_bag(bag, serialized(np.concatenate(story(60))))
     assert main([str(bag)]) == 0

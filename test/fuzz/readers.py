@@ -73,7 +73,7 @@ def read_metadata(data: bytes) -> str:
 
 
 def salvage(data: bytes) -> str:
-    """Read what is left of a file, and see that what is told of its damage makes sense."""
+    """Read what is left of a file, and check that the report of its damage makes sense."""
     path = folder() / 'left.mcap'
     path.write_bytes(data)
     left = Salvage(path)

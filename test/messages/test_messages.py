@@ -104,7 +104,7 @@ def test_rows_with_padding_are_read_or_refused() -> None:
 
 @pytest.mark.parametrize('name', EVENT.names)
 def test_a_missing_or_wrong_field_is_named(name: str) -> None:
-    """No field, another type, several values, or beyond the point: ValueError says which."""
+    """No field, another type, several values, or beyond the point: ValueError names it."""
     cloud = messages.cloud_from_events(some_events(5), STAMP)
     fields = {field.name: (field.offset, field.datatype, field.count) for field in cloud.fields}
     offset, datatype, _ = fields[name]
@@ -118,7 +118,7 @@ def test_a_missing_or_wrong_field_is_named(name: str) -> None:
 
 
 def test_too_few_bytes_are_refused() -> None:
-    """A cloud that ends early says how many bytes it has."""
+    """The error of a cloud that ends early has its number of bytes."""
     cloud = messages.cloud_from_events(some_events(5), STAMP)
     cloud.data = cloud.data[:-1]
     with pytest.raises(ValueError, match=f'{5 * cloud.point_step - 1} bytes for 5 points'):
@@ -210,7 +210,7 @@ HOSTILE = st.fixed_dictionaries({}, optional={
 
 @given(attributes=HOSTILE, changed=st.dictionaries(st.integers(0, 14), FIELDS, max_size=3),
        patch=st.dictionaries(st.integers(0, 479), st.integers(0, 255), max_size=4))
-def test_a_hostile_cloud_is_refused_or_read_as_it_says(
+def test_a_hostile_cloud_is_refused_or_read_as_described(
         attributes: dict[str, object], changed: dict[int, tuple[str, int, int, int]],
         patch: dict[int, int]) -> None:
     """One line of ValueError, or the very values that stand in the bytes, all of them possible."""

@@ -17,7 +17,7 @@ EVERY = [pytest.param(specification, id=f'{node}.{specification.name}')
 
 
 @pytest.mark.parametrize('specification', EVERY)
-def test_defaults_pass_and_say_their_unit(specification: Specification) -> None:
+def test_defaults_pass_and_have_their_unit(specification: Specification) -> None:
     """Every default lies in its own range; every description is there."""
     assert specification.check(specification.default) == specification.default
     descriptor = specification.descriptor()

@@ -31,7 +31,7 @@ def events():
 
 
 class Bench:
-    """Publishes events to a node and listens to what it says."""
+    """Publishes events to a node and listens to its reports."""
 
     def __init__(self, node, spin, start, name):
         """Start the node and wait for it."""
@@ -103,7 +103,7 @@ def test_exponents_over_dds_are_those_of_the_core(bench, events):
 
 
 def test_late_joiner_begins_where_it_comes_in(bench, events):
-    """A new average, and a line that says so."""
+    """A new average, and a line that reports it."""
     lyapunov = bench('lyapunov')
     lyapunov.send(events[3000:5000])
     lyapunov.spin(lambda: lyapunov.said and lyapunov.said[-1]['index'] == 4999)
@@ -114,7 +114,7 @@ def test_late_joiner_begins_where_it_comes_in(bench, events):
 
 @pytest.mark.parametrize('name', ['lyapunov', 'transients'])
 def test_hole_is_counted_and_nothing_is_computed_across_it(bench, events, name):
-    """The number of lost impacts is said, and the average starts afresh."""
+    """The number of lost impacts is reported, and the average starts afresh."""
     node = bench(name)
     node.send(events[:2000])
     node.send(events[2345:4000])
@@ -154,7 +154,7 @@ def test_killed_simulator_and_its_successor(start, rclpy_node, spin):
     assert lyapunov.stop(signal.SIGTERM) == 0
 
 
-def test_transients_are_told_as_they_change(bench, events):
+def test_transients_are_reported_as_they_change(bench, events):
     """Every change of the core's detector is published, latched, in words and numbers."""
     transients = bench('transients')
     transients.send(events)
@@ -170,7 +170,7 @@ def test_transients_are_told_as_they_change(bench, events):
 
 @pytest.fixture(scope='module')
 def chatter():
-    """Return a run that sticks once in 68 impacts, for ever."""
+    """Return a run that sticks once in every 68 impacts."""
     return Simulation(Parameters(5.0, 0.0159, 2.533, 0.7), State(velocity=-1.0)).advance(
         10**8, 0.0, 3000)
 
@@ -191,8 +191,8 @@ def test_chatter_is_an_orbit_and_its_exponents_are_explained(bench, chatter):
     lyapunov.spin(lambda: any('superstable' in h.get('infinite', '') for h in lyapunov.health))
 
 
-def test_chaos_is_told_with_its_exponent(bench, events):
-    """What is known of it, again whenever the impacts have doubled; the words are in the log."""
+def test_chaos_is_reported_with_its_exponent(bench, events):
+    """A report whenever the number of impacts has doubled; its words are in the log."""
     transients = bench('transients')
     transients.send(events[:5000])
     transients.spin(lambda: transients.said and transients.said[-1].get('impacts') == '4000')

@@ -66,7 +66,7 @@ def test_misspelt_sections_of_parameter_files_are_named(tmp_path: Path) -> None:
 
 
 def taken(ros: list[str]) -> str:
-    """Return what a node says of its arguments before it runs, or nothing where it takes them."""
+    """Return how a node refuses its arguments before it runs, or nothing where it takes them."""
     node = None
     try:
         begin(['--ros-args', *ros])
@@ -117,7 +117,7 @@ BAD_FILES = {
 
 
 def test_parameter_files_that_are_none(tmp_path: Path, capfd) -> None:
-    """One line each that names the file or the value; rcl itself says nothing beside it."""
+    """One line each that names the file or the value; rcl itself prints nothing."""
     file = tmp_path / 'p.yaml'
     for content, words in BAD_FILES.items():
         file.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -175,7 +175,7 @@ def test_overrides_that_are_none(ros: list[str], words: str, capfd) -> None:
     """One line that names the value, with the form where it is that which is wrong."""
     line = taken(ros)
     assert words in line and '\n' not in line and len(line) < 300
-    # Of a very long argument rcl says that it is too long for it.
+    # rcl refuses a very long argument for its length.
     assert '/src/' not in line and ('[[' in line or capfd.readouterr() == ('', ''))
 
 
@@ -189,7 +189,7 @@ def test_a_large_parameter_file_is_refused_unread(tmp_path: Path) -> None:
 
 
 def test_a_pipe_is_read_once(start, tmp_path: Path) -> None:
-    """As a shell gives it for <(...): what it says is in force."""
+    """As a shell gives it for <(...): its values are in force."""
     pipe = tmp_path / 'pipe'
     os.mkfifo(pipe)
     node = start('lyapunov', '--ros-args', '--params-file', str(pipe))
@@ -209,7 +209,7 @@ def test_a_node_refuses_what_it_would_ignore(start, arguments: list[str], words:
     assert words in node.text() and len(node.text().strip().splitlines()) == 1
 
 
-def test_a_misspelt_section_is_said_and_the_node_goes_on(start, tmp_path: Path) -> None:
+def test_a_misspelt_section_is_reported_and_the_node_goes_on(start, tmp_path: Path) -> None:
     """A warning only: the file may be meant for others too."""
     file = tmp_path / 'p.yaml'
     file.write_text('lyapunvo: {ros__parameters: {window: 5}}\n')

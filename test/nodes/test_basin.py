@@ -23,7 +23,7 @@ from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
 from gear_rattle_ros.palette import ENDS
 from gear_rattle_ros.qos import LATCHED, STREAM
 
-# The colour of a start that has not settled.
+# The colour of an initial condition that has not settled.
 PALE = int(ENDS[UNSETTLED][1:], 16)
 STAMP = stamp_from_nanoseconds(7)
 
@@ -44,14 +44,14 @@ class Pictures:
         return float(values_of(self.states[-1])['alpha']) if self.states else 0.0
 
     def has(self, alpha: float, size: int) -> bool:
-        """Tell whether the newest of everything is a picture."""
+        """Whether the newest of everything is a picture at this alpha and size."""
         return (self.alpha() == alpha and values_of(self.states[-1])['size'] == str(size)
                 and bool(self.images) and bool(self.clouds) and self.images[-1].width == size
                 and self.images[-1].header == self.clouds[-1].header
                 and self.images[-1].header.stamp == self.states[-1].header.stamp)
 
     def has_whole(self, alpha: float, size: int) -> bool:
-        """Tell whether everything has settled in it; a slow machine shows it before, too."""
+        """Whether everything has settled in it; a slow machine shows it before, too."""
         if not self.has(alpha, size):
             return False
         # All pictures at one alpha bear the same stamp.
@@ -67,7 +67,7 @@ def values_of(message: DiagnosticArray, number: int = 0) -> dict[str, str]:
 
 
 def attractors_of(message: DiagnosticArray) -> dict[int, dict[str, str]]:
-    """Return what is said of each attractor, by its impacts."""
+    """Return what is reported of each attractor, by its impacts."""
     every = [values_of(message, number) for number in range(1, len(message.status))]
     return {int(each['impacts']): each for each in every}
 
@@ -178,7 +178,7 @@ def test_a_bad_plane_is_one_line(start: Callable) -> None:
     assert basin.text() == "basin: plane = 'floor' is not one of section, displacement\n"
 
 
-def test_where_areas_are_kept_all_is_unsettled_and_said_why() -> None:
+def test_where_areas_are_preserved_all_is_unsettled_and_explained() -> None:
     """Without a search, and without following anything."""
     parameters = Parameters(0.1, 0.0, 0.0, 1.0)
     planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size) for size in (50, 400)]

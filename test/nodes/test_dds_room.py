@@ -31,7 +31,7 @@ from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.qos import STREAM, STREAM_DEPTH
 
-# Reads with the profile of the package's nodes, nothing until told, and then says what has come.
+# Reads with the profile of the package's nodes, nothing until asked, then prints what has come.
 READER = """
 import sys
 import time
@@ -64,13 +64,13 @@ def no_profile(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def with_free(monkeypatch: pytest.MonkeyPatch, megabytes: int) -> None:
-    """Let the shared memory have so much free."""
+    """Let the shared memory have some megabytes free."""
     monkeypatch.setattr(dds_room.os, 'statvfs', lambda path: types.SimpleNamespace(
         f_bavail=megabytes << 8, f_frsize=4096))
 
 
 def test_a_window_of_batches_fits_in() -> None:
-    """What is sent before the simulator waits is never overwritten; the profile says the same."""
+    """What is sent before the simulator waits is never overwritten; the profile agrees."""
     root = xml.etree.ElementTree.parse(config_folder('fastdds') / 'stream.xml').getroot()
     (size,) = (each.text for each in root.iter() if each.tag.endswith('segment_size'))
     assert int(size) == SEGMENT
@@ -95,7 +95,7 @@ def test_the_users_profile_stays(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(('name', 'value'), [
     (TRANSPORTS, 'UDPv4'), ('RMW_IMPLEMENTATION', 'rmw_cyclonedds_cpp')])
 def test_other_transports_stay(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
-    """Nothing is asked for, and nothing said of a memory that is not used."""
+    """Nothing is asked for, and nothing reported of a memory that is not used."""
     with_free(monkeypatch, 1)
     monkeypatch.setenv(name, value)
     assert make_room() == ''

@@ -20,14 +20,14 @@ def test_infinite_exponents_are_explained() -> None:
     status = Status(exponents={'lambda_1': -math.inf, 'lambda_2': -math.inf, 'sticks': 43.0,
                                'impacts': 2957.0, 'impulse_balance': 2.5, 'window': 1000.0,
                                'exact_impulse_balance': 2.5})
-    words = 'the gear stuck at 43 of 2,957 impacts and forgot all that was before (superstable)'
+    words = 'the gear stuck at 43 of 2,957 impacts, where all memory is lost (superstable)'
     assert words in shown(status) and words in status.line()
     assert 'impulse balance +2.500000' in shown(status)
     status.exponents['lambda_1'] = status.exponents['lambda_2'] = 0.25
     assert 'superstable' not in shown(status) + status.line()
 
 
-def test_finite_time_exponent_says_over_how_many_retunes() -> None:
+def test_finite_time_exponent_has_its_number_of_retunes() -> None:
     """In a ramp it is all there is."""
     status = Status(exponents={'lambda_1_finite': 0.25, 'finite_retunes': 497.0, 'window': 1e3})
     assert '+0.250000 over 497 retunes' in shown(status)

@@ -175,7 +175,7 @@ def every_value():
 
 
 def is_good(specification, value):
-    """Tell whether a value of the service fits: type and range, an integer for a double."""
+    """Whether a value of the service fits: type and range, an integer for a double."""
     wanted = type(specification.default)
     if value.type == ParameterType.PARAMETER_BOOL:
         return wanted is bool

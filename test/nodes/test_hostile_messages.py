@@ -64,7 +64,7 @@ def callbacks(node) -> dict:
 
 
 def test_the_suite_goes_on_and_shows_numbers(ros) -> None:
-    """Whatever comes in, its display is drawn, and what it had been told before stays."""
+    """Whatever comes in, its display is drawn, and what it knew before stays."""
     status = Status()
     monitor = Monitor(status)
     take = callbacks(monitor)

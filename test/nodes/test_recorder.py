@@ -58,7 +58,7 @@ def send(publisher, events: EventArray, size: int = LARGEST_BATCH, pause: float 
 
 
 def closing_line(process) -> str:
-    """Return the line that says what was recorded."""
+    """Return the line that reports what was recorded."""
     lines = [line for line in process.text().splitlines() if line.startswith('recorded')]
     assert len(lines) == 1, process.text()
     return lines[0]
@@ -167,7 +167,7 @@ def test_gaps_and_late_publishers_are_reported(
     events = story(3000)
     events = events[events['kind'] == 0][:2000]
     events['epoch'] = 0
-    # No cloud of events: it is kept, and told. No message at all: it is told.
+    # A cloud without events is kept and reported; what is not a message is only reported.
     impacts.publish(PointCloud2(width=3))
     impacts.publish(b'\x07' + bytes(99))
     send(impacts, np.concatenate([events[:500], events[620:1000], events[1001:]]), 100)
@@ -182,7 +182,7 @@ def test_gaps_and_late_publishers_are_reported(
     assert sum(widths[1:]) == len(events) - 121
 
 
-def test_what_was_lost_is_told_and_what_was_superseded_is_none(
+def test_what_was_lost_is_reported_and_what_was_superseded_is_not_lost(
         record, rclpy_node, spin, tmp_path: Path) -> None:
     """Of what is latched the newest is enough; of the other topics every message counts."""
     latched = rclpy_node.create_publisher(DiagnosticArray, 'transient', LATCHED)
@@ -230,7 +230,7 @@ def test_what_was_lost_is_told_and_what_was_superseded_is_none(
 
 
 def test_a_full_disk_ends_the_bag_and_not_the_node(record, impacts, spin, tmp_path: Path) -> None:
-    """One line says so, no publisher is held up, what was written before stays readable."""
+    """One line reports it, no publisher is held up, what was written before stays readable."""
     process = record()
     matched(spin, impacts)
     events = story(60_000)

@@ -68,7 +68,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_byte_comes_again_as_fast_as_possible(start, listener: Listener, bag: Path) -> None:
-    """Speed 0 loses nothing, keeps the order, ends by itself and says so."""
+    """Speed 0 loses nothing, keeps the order, ends by itself and reports it."""
     process = start('replay', str(bag), '--speed', '0')
     assert listener.until_end(process) == 0
     assert listener.clouds == CLOUDS
@@ -78,7 +78,7 @@ def test_every_byte_comes_again_as_fast_as_possible(start, listener: Listener, b
         'of 2.000')
 
 
-def test_it_waits_for_all_readers_it_is_told_of(
+def test_it_waits_for_the_number_of_readers_given(
         start, listener: Listener, rclpy_node, bag: Path) -> None:
     """With one of two it does not begin, however long that has not changed."""
     process = start('replay', str(bag), '--speed', '0', '--wait-for-readers', '2')
@@ -154,7 +154,7 @@ def test_latched_topics_wait_for_their_readers(
     spin(lambda: len(found) >= len(messages))
     assert process.process.returncode == 0
     assert found == messages
-    assert not set(others) & set(messages), 'what others said of themselves is not said again'
+    assert not set(others) & set(messages), 'what others reported of themselves is not repeated'
 
 
 def test_bad_input_is_refused_in_one_line(start, bag: Path) -> None:
@@ -179,7 +179,7 @@ def test_bad_input_is_refused_in_one_line(start, bag: Path) -> None:
 
 def test_a_damaged_bag_is_played_up_to_the_damage(
         start, listener: Listener, bag: Path, tmp_path: Path) -> None:
-    """Then one line says what is wrong, and the exit status is 1."""
+    """Then one line names what is wrong, and the exit status is 1."""
     whole = bytearray((bag / '2026_0.mcap').read_bytes())
     whole[len(whole) // 2] ^= 0xFF
     (tmp_path / 'damaged.mcap').write_bytes(whole)

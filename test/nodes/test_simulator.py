@@ -50,7 +50,7 @@ class Reader:
         return np.concatenate(self.batches) if self.batches else np.zeros(0, EVENT)
 
     def until(self, count):
-        """Wait for so many events."""
+        """Wait for a number of events."""
         self.spin(lambda: sum(map(len, self.batches)) >= count)
         return self.events()
 
@@ -70,7 +70,7 @@ class Steering:
         future = client.call_async(request)
         if kind is not Trigger:
             # rmw_fastrtps drops a reply whose reader it has not met within 0.1 s; asked again,
-            # all of these say and do the same.
+            # all of these answer and do the same.
             with contextlib.suppress(AssertionError):
                 self.spin(future.done, 5.0)
             if not future.done():
@@ -270,7 +270,7 @@ def test_stamps_are_drive_time(start, reader):
     assert (np.diff(stamps) > 0.0).all()
 
 
-def test_every_parameter_says_what_it_is(start, steering):
+def test_every_parameter_is_described(start, steering):
     """Description, unit and range of the live parameters."""
     start('simulator')
     names = ['alpha', 'beta', 'gamma', 'restitution', 'noise', 'rate']

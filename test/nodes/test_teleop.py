@@ -203,7 +203,7 @@ def test_steers_a_simulator_in_another_namespace(start, teleop, rclpy_node, spin
 
 @pytest.mark.long
 def test_plays_a_scene_step_by_step(start, teleop, rclpy_node, spin) -> None:
-    """A sweep goes on when its ramp has arrived, and says when it is over."""
+    """A sweep goes on when its ramp has arrived, and reports when it is over."""
     simulator = start('simulator')
     _, put = calls(rclpy_node, spin, '/simulator')
     screen = teleop()
@@ -293,7 +293,7 @@ def test_exception_restores_the_terminal(domain) -> None:
         screen.close()
 
 
-def test_without_a_terminal_it_says_so(domain) -> None:
+def test_without_a_terminal_it_is_refused(domain) -> None:
     """One line and status 2."""
     done = subprocess.run(
         [sys.executable, '-m', 'gear_rattle_ros.start', 'teleop'], stdin=subprocess.DEVNULL,

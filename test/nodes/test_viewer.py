@@ -136,7 +136,7 @@ def listen(node: Node) -> list[dict[str, str]]:
 
 
 def drawn(reports: list[dict[str, str]]) -> int:
-    """Return how many impacts the viewer last said it has drawn."""
+    """Return how many impacts the viewer last reported as drawn."""
     return int(reports[-1]['impacts_drawn']) if reports else 0
 
 
@@ -222,7 +222,7 @@ def port() -> int:
 
 def test_a_viewer_that_is_closed_leaves_the_node_and_the_file(
         start: Callable, tmp_path: Path, port: int) -> None:
-    """The node says so once, goes on, and ends quietly with a whole file."""
+    """The node reports it once, goes on, and ends quietly with a whole file."""
     path = tmp_path / 'run.rrd'
     viewer = start('viewer', '--ros-args', '-p', 'mode:=web', '-p', f'web_port:={port}', '-p',
                    f'save:={path}')
@@ -277,7 +277,7 @@ def test_files_that_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_that_gets_no_index_stays_as_it_is(tmp_path: Path) -> None:
-    """Rerun's program refuses it: the reason is told, and nothing is left beside it."""
+    """Rerun's program refuses it: the reason is reported, and nothing is left beside it."""
     path = tmp_path / 'run.rrd'
     path.write_bytes(b'no recording')
     assert 'status' in add_index(str(path))

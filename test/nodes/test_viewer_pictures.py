@@ -186,13 +186,13 @@ def part(pixels: Pixels, view: tuple[float, float, float, float]) -> Pixels:
 
 
 def like(pixels: Pixels, colour: str, tolerance: int = 60) -> np.ndarray:
-    """Tell which pixels are about a colour."""
+    """Return which pixels have about a colour."""
     wanted = np.array(rgb(colour))
     return np.abs(pixels - wanted).sum(axis=-1) < tolerance
 
 
 def hued(pixels: Pixels) -> np.ndarray:
-    """Tell blue (1) from orange (2) pixels, and from others (0)."""
+    """Distinguish blue (1), orange (2) and other (0) pixels."""
     red, blue = pixels[..., 0], pixels[..., 2]
     return np.where(blue > red + 40, 1, np.where(red > blue + 40, 2, 0))
 

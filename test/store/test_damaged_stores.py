@@ -32,7 +32,7 @@ KEYS = np.array(['a', 'bcd'])
 
 
 def compute(path: Path, resume: bool = True, layout: Layout = LAYOUT, pause: float = 0.0) -> Store:
-    """Do what a tool does: the tiles that are to be done, then the table and an attribute."""
+    """Do what a tool does: the pending tiles, then the table and an attribute."""
     store = make_store(path, layout, 'command', resume=resume)
     for tile in store.pending():
         part = store.tiles[tile]['velocity'], store.tiles[tile]['phase']
@@ -126,7 +126,7 @@ def test_a_damaged_tile_is_computed_anew(copy, capsys, what):
 
 
 def test_every_bit_of_a_chunk_is_guarded(copy):
-    """Other readers see it, too: xarray alone refuses the chunk."""
+    """Other readers notice it, too: xarray alone refuses the chunk."""
     chunk = copy / 'label' / 'c.1.1'
     for place in range(len(chunk.read_bytes())):
         flip(chunk, place)

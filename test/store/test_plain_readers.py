@@ -19,13 +19,13 @@ from gear_rattle_ros.cli import (
 from gear_rattle_ros.store.store import open_dataset
 
 SMALL = {
-    attractors: '--starts 20 --hold 1000',
-    basins: '--size 6 --starts 20 --tile 3 --hold 1000',
+    attractors: '--starts 20 --hold 1000',  # the old name of --initial-conditions
+    basins: '--size 6 --initial-conditions 20 --tile 3 --hold 1000',
     continuation: '--alpha 0.5 0.51 --columns 2 --trajectories 4 --hold 500 --skip 300 '
                   '--keep 256 --tolerance 1e-3',
     crisis: '--rates 4 --escapes 40 --beyond 1e-3 1e-2 --limit 100000',
     exponents: '--size 6',
-    lifetimes: '--size 6 --starts 20 --tile 3 --hold 1000 --cap 2000',
+    lifetimes: '--size 6 --initial-conditions 20 --tile 3 --hold 1000 --cap 2000',
     orbit_diagram: '--alpha 0.48 0.5 --columns 3 --bins 20 --trajectories 3 --skip 100 '
                    '--keep 256',
     section: '--alpha 0.48 --trajectories 3 --keep 300 --skip 10 --bins 9 8'}

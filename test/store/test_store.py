@@ -63,7 +63,7 @@ def test_an_independent_reader_finds_everything(tmp_path):
 
 
 def test_marks_outlive_the_process_that_made_them(tmp_path):
-    """A store that is opened again knows what is done."""
+    """A store that is opened again has its marks."""
     store = make_store(tmp_path / 'a', LAYOUT, 'command')
     store.write(4, {'label': 4})
     store.mark(4)

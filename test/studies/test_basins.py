@@ -38,7 +38,7 @@ def reference(tmp_path_factory):
 
 @pytest.mark.parametrize(('tile', 'threads'), [(7, 2), (48, 1), (13, 3)])
 def test_labels_do_not_depend_on_tiles_or_threads(tmp_path, reference, tile, threads):
-    """A start is followed alone, whatever else its tile holds."""
+    """An initial condition is followed alone, whatever else its tile holds."""
     _, label, lifetime, attractors = basin(tmp_path / 'a.zarr', PLANE, tile=tile, threads=threads)
     assert np.array_equal(label, reference[1])
     assert np.array_equal(lifetime, reference[2])
@@ -63,7 +63,7 @@ def test_resume_gives_the_same_store(tmp_path, reference):
 
 @pytest.mark.parametrize('tile', [9, 48])
 def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, tile):
-    """With one random start the other attractor is met by the tiles; labels mean the same."""
+    """With one random initial condition the tiles find the other attractor; labels agree."""
     search = {'initial_conditions': 1, 'cap': 1500, 'tile': tile}
     _, label, lifetime, attractors = basin(tmp_path / 'a', PLANE, **search)
     _, expected, lifetimes, known = reference
@@ -76,11 +76,11 @@ def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, ti
     assert np.array_equal(again, label)
 
 
-def followed(start):
-    """Follow a start by the scalar simulation and the live detector."""
+def followed(state):
+    """Follow an initial condition by the scalar simulation and the live detector."""
     simulation = Simulation(
-        Parameters(*(float(start[name]) for name in ('alpha', 'beta', 'gamma', 'restitution'))),
-        State(0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+        Parameters(*(float(state[name]) for name in ('alpha', 'beta', 'gamma', 'restitution'))),
+        State(0, float(state['phase']), float(state['displacement']), float(state['velocity'])))
     detector, sticks = TransientDetector(), 0
     while detector.report.regime is Regime.TRANSIENT and simulation.impacts < 20_000:
         events = simulation.advance(simulation.moment[0] + 100, 0.0, 2000)
@@ -90,15 +90,15 @@ def followed(start):
 
 
 def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
-    """A sample, with all the starts that chatter: the scalar core finds the same."""
+    """A sample, with those that chatter: the scalar core finds the same."""
     _, label, lifetime, attractors = reference
-    starts = PLANE.cells(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
+    initial = PLANE.cells(Parameters(), slice(0, PLANE.velocities), slice(0, PLANE.phases))
     label, lifetime = label.ravel(), lifetime.ravel()
-    slow = np.flatnonzero(np.abs(starts['velocity']) < 0.06)
-    sample = np.unique(np.concatenate([slow[::2], np.arange(0, len(starts), 29)]))
+    slow = np.flatnonzero(np.abs(initial['velocity']) < 0.06)
+    sample = np.unique(np.concatenate([slow[::2], np.arange(0, len(initial), 29)]))
     chattered = short = same = 0
     for number in sample:
-        report, sticks = followed(starts[number])
+        report, sticks = followed(initial[number])
         attractor = attractors[label[number]]
         agrees = (report.period_impacts, report.period_drive) == (
             attractor.impacts, attractor.drive_periods)
@@ -106,7 +106,7 @@ def test_labels_and_lifetimes_are_those_of_the_live_detector(reference):
         # In a longer transient a difference in the last bit grows to decide where it ends; to
         # stick forgets it.
         if report.lifetime < 60 or sticks:
-            assert agrees, starts[number]
+            assert agrees, initial[number]
             # A label asks for the flight time of the impact with which it begins alone.
             assert abs(report.lifetime - lifetime[number]) <= 4
             chattered += sticks > 0
@@ -140,11 +140,11 @@ def test_the_symmetric_model_has_mirrored_basins(tmp_path):
     assert np.mean(np.vectorize(partner.get)(label) == mirrored) > 0.98
 
 
-def test_refilled_lanes_lose_and_repeat_no_start():
-    """A thousand starts through 64 lanes give what each gives alone."""
+def test_refilled_lanes_lose_and_repeat_nothing():
+    """A thousand initial conditions through 64 lanes give what each gives alone."""
     parameters = Parameters(alpha=0.52)
-    starts = PLANE.draw(parameters, 1000, 3)
-    table = find_attractors(parameters, starts[:100], hold=3000).table
+    initial = PLANE.draw(parameters, 1000, 3)
+    table = find_attractors(parameters, initial[:100], hold=3000).table
     tile = new_tiles(1)[0]
 
     def settled(some):
@@ -153,19 +153,19 @@ def test_refilled_lanes_lose_and_repeat_no_start():
         made = classify(tile, some, 400, table, results)
         return results, made
 
-    together, made = settled(starts)
+    together, made = settled(initial)
     assert made >= together['impacts'].sum() > 0
     for number in range(0, 1000, 9):
-        alone, _ = settled(starts[number:number + 1])
+        alone, _ = settled(initial[number:number + 1])
         assert alone['label'][0] == together['label'][number]
         assert alone['lifetime'][0] == together['lifetime'][number]
-    backwards, _ = settled(starts[::-1].copy())
+    backwards, _ = settled(initial[::-1].copy())
     assert np.array_equal(backwards['label'][::-1], together['label'])
     assert np.array_equal(backwards['lifetime'][::-1], together['lifetime'])
 
 
 def test_shares_converge_with_the_size_of_the_grid(tmp_path):
-    """Grids and random starts agree within the error of a share."""
+    """Grids and random initial conditions agree within the error of a share."""
     shares = []
     for size in (24, 96):
         _, label, _, attractors = basin(
@@ -199,14 +199,14 @@ def test_rest_and_floating_have_labels_of_their_own(tmp_path):
     assert np.all(lifetime == 0)
 
 
-def test_starts_that_are_given_up_are_counted_not_guessed(tmp_path):
+def test_what_is_given_up_is_counted_not_guessed(tmp_path):
     """With a cap of a few impacts nearly nothing settles."""
     _, label, lifetime, _ = basin(tmp_path / 'a', PLANE, cap=12)
     assert np.mean(label == UNSETTLED) > 0.8
     assert np.all(lifetime[label == UNSETTLED] == 12)
 
 
-def test_the_dataset_says_what_it_is(reference):
+def test_the_dataset_describes_itself(reference):
     """Coordinates have names and units; parameters and the table of attractors are there."""
     dataset = open_dataset(reference[0].path)
     assert dataset['label'].dims == ('velocity', 'phase')
@@ -246,7 +246,7 @@ def test_windows_magnify_about_a_point():
 
 
 def test_the_largest_grid_is_laid_out_at_once(tmp_path):
-    """20,000 x 20,000 starts: nothing of the size of the grid is held or written up front."""
+    """20,000 x 20,000 cells: nothing of the size of the grid is held or written up front."""
     from gear_rattle_ros.studies.grid import fill_tile, grid_layout
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')

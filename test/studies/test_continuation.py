@@ -26,8 +26,8 @@ B, G, R = 0.1, 0.1, 0.9
 
 def orbits_of(parameters, trajectories=64):
     """Find the stable orbits."""
-    starts = Plane().draw(parameters, trajectories, 1)
-    return list(find_attractors(parameters, starts, hold=5000, chaotic=False).orbits)
+    initial = Plane().draw(parameters, trajectories, 1)
+    return list(find_attractors(parameters, initial, hold=5000, chaotic=False).orbits)
 
 
 def orbits_at(alpha):
@@ -223,8 +223,8 @@ def test_the_tool_locates_what_is_known_in_closed_form(tmp_path):
         assert abs(one[2] - exact) <= one[3] <= 1e-9
 
 
-def test_an_attractor_that_starts_miss_ends_where_its_branch_does(tmp_path):
-    """Few starts reach the orbit of one impact, hardly any near its grazing."""
+def test_an_attractor_that_is_missed_ends_where_its_branch_does(tmp_path):
+    """Few initial conditions reach the orbit of one impact, hardly any near its grazing."""
     found = events(tmp_path, '--beta 0 --gamma 0.16 --restitution 0.8 --alpha 0.06 0.18 '
                              '--columns 5 --trajectories 64 --hold 2000 --tolerance 1e-4')
     mine = [one for one in found if one[4].startswith('orbit-1-1-')]
@@ -235,7 +235,7 @@ def test_an_attractor_that_starts_miss_ends_where_its_branch_does(tmp_path):
 
 
 @pytest.mark.parametrize('window', ['0.30 0.384', '0.37 0.40', '0.386 0.40', '0.25 0.26'])
-def test_the_loss_of_symmetry_is_told_once(tmp_path, window):
+def test_the_loss_of_symmetry_is_reported_once(tmp_path, window):
     found = events(tmp_path, f'--beta 0 --gamma 0 --restitution 0.5 --alpha {window} --columns 3 '
                              '--trajectories 16')
     (_, _, alpha, error, _), = of_kind(found, 'pitchfork')
@@ -334,8 +334,8 @@ def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
     # Below it trajectories stay chaotic, above they all settle on the orbit.
     for side, settled in ((-2e-5, 0), (2e-5, LANES)):
         parameters = Parameters(alpha=alpha + side)
-        starts = Plane().draw(parameters, LANES, 5)
-        rows, _ = record_impacts(starts, 60_000, 256)
+        initial = Plane().draw(parameters, LANES, 5)
+        rows, _ = record_impacts(initial, 60_000, 256)
         orbits = [find_orbit(parameters, row, 64, 1e-6) for row in rows]
         assert sum(o is not None and o.impacts == 5 for o in orbits) == settled
 
@@ -361,7 +361,7 @@ def test_one_end_of_a_thin_basin_in_the_whole_window(tmp_path):
     assert not [one for one in found if one[0] == mine[0][0] and one not in mine]
 
 
-def test_the_cascade_of_b_goes_on_as_feigenbaum_says(tmp_path, capsys):
+def test_the_cascade_of_b_has_feigenbaums_ratio(tmp_path, capsys):
     """And the tool prints and draws what it stores."""
     picture = tmp_path / 'k.png'
     found = events(tmp_path, '--alpha 0.5 0.57 --columns 3 --trajectories 32 --hold 2000 '

@@ -31,9 +31,9 @@ def boundary():
 def escapes_at(boundary, alpha, trajectories, limit):
     """Time escapes at an alpha."""
     parameters = Parameters(alpha=alpha)
-    starts = Plane().draw(parameters, trajectories, 5)
+    initial = Plane().draw(parameters, trajectories, 5)
     return last_until_captured(
-        new_tiles(1)[0], starts, boundary.at(alpha).captor.points, radius_of(boundary), 300,
+        new_tiles(1)[0], initial, boundary.at(alpha).captor.points, radius_of(boundary), 300,
         trajectories, limit)[:2]
 
 
@@ -51,7 +51,7 @@ def test_a_known_rate_is_found_within_its_error(limit):
     assert abs(np.mean(off)) < 4.0 / math.sqrt(60)
 
 
-def test_what_escapes_at_once_says_nothing():
+def test_what_escapes_at_once_does_not_count():
     life = np.concatenate([np.full(1000, 5.0), 50.0 + np.full(10, 100.0)])
     rate = escape_rate(life, np.zeros(1010, bool), 50.0)
     assert rate.escapes == 10 and rate.rate == pytest.approx(0.01)
@@ -108,11 +108,11 @@ def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
 
 def test_enough_escapes_stop_all_and_give_the_same_rate(boundary):
     parameters, here = Parameters(alpha=1.25), boundary.at(1.25)
-    starts = Plane(displacement=-0.5).draw(parameters, 2000, 6)
+    initial = Plane(displacement=-0.5).draw(parameters, 2000, 6)
     rates = []
     for wanted in (300, 2000):
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], starts, here.captor.points, radius_of(here), 300, wanted, 10**7)
+            new_tiles(1)[0], initial, here.captor.points, radius_of(here), 300, wanted, 10**7)
         begun = fates != UNUSED
         assert begun.all() == (wanted == 2000) and np.all(lifetimes[~begun] == 0)
         rates.append(escape_rate(lifetimes[begun], fates[begun] != CAPTURED, 300))

@@ -10,7 +10,7 @@ from gear_rattle_ros.store.store import open_dataset
 
 
 def test_exponents_at_two_attractors_are_those_of_their_multipliers(tmp_path: Path) -> None:
-    """At alpha = 0.48 every start ends on A, whose multipliers are complex, or on B."""
+    """At alpha = 0.48 every trajectory ends on A, whose multipliers are complex, or on B."""
     store, picture = tmp_path / 'exponents.zarr', tmp_path / 'exponents.png'
     assert main(['--size', '12', '10', '--impacts', '4000', '--displacement', '-0.5',
                  '--output', str(store), '--picture', str(picture)]) == 0

@@ -24,7 +24,7 @@ PLANE = Plane(phases=32, velocities=32)
 
 
 def test_the_estimate_is_unbiased_under_censoring():
-    """Geometric lifetimes of known mean, cut off far below it: the mean is found again."""
+    """Geometric lifetimes of known mean, cut off far below it: the mean is recovered."""
     random = np.random.default_rng(5)
     pulls = []
     for _ in range(200):
@@ -70,9 +70,9 @@ def estimates(parameters, plane, cap, seeds, count):
     table = find_attractors(parameters, plane.draw(parameters, 64, 1), hold=4000,
                             chaotic=False).table
     for seed in seeds:
-        starts, results = plane.draw(parameters, count, seed), np.zeros(count, RESULT)
-        follow_here(starts, cap, table, results)
-        counts, censored, merged = tally([(starts, results)], table, cap)
+        initial, results = plane.draw(parameters, count, seed), np.zeros(count, RESULT)
+        follow_here(initial, cap, table, results)
+        counts, censored, merged = tally([(initial, results)], table, cap)
         yield estimate_escape(counts[0], int(censored[0]), cap // 10, merged)
 
 
@@ -107,7 +107,7 @@ def test_those_that_go_on_as_one_count_as_one():
 
 
 def test_a_shared_trajectory_without_an_end_has_the_error_of_one():
-    """Given up far beyond the cap, it lives on for a mean lifetime, give or take as much."""
+    """Given up far beyond the cap, it lasts another mean lifetime, give or take as much."""
     counts = np.bincount(np.random.default_rng(7).geometric(0.01, 100_000), minlength=4001)
     merged = Merged(np.array([200]), np.array([400_000]), np.array([10_000]), np.array([10_000]),
                     np.array([0]), np.array([True]))
@@ -120,14 +120,14 @@ def test_a_shared_trajectory_without_an_end_has_the_error_of_one():
 
 @pytest.mark.parametrize('parameters', [Parameters(1.244), Parameters(0.9, 0.3, -0.2, 0.4)])
 def test_sticks_are_those_of_the_simulator(parameters):
-    """Impacts until the mass first sticks, and the phase at which it leaves, to the bit."""
+    """Impacts until the gear first sticks, and the phase at which it leaves, to the bit."""
     plane = Plane(velocity=(-0.1, 0.1), phases=6, velocities=5)
-    starts, results = plane.cells(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
-    follow_here(starts, 400, Catalogue(parameters).table, results)
+    initial, results = plane.cells(parameters, slice(0, 5), slice(0, 6)), np.zeros(30, RESULT)
+    follow_here(initial, 400, Catalogue(parameters).table, results)
     stuck = 0
-    for start, result in zip(starts, results, strict=True):
+    for state, result in zip(initial, results, strict=True):
         events = Simulation(parameters, State(
-            0, start['phase'], start['displacement'], start['velocity'])).advance(400, 0.0, 2000)
+            0, state['phase'], state['displacement'], state['velocity'])).advance(400, 0.0, 2000)
         impacts = np.cumsum(events['kind'] <= EventKind.STICK)
         release = np.flatnonzero((events['kind'] == EventKind.RELEASE) & (impacts <= 400))
         if len(release):

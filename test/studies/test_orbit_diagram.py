@@ -15,6 +15,7 @@ from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.store.store import open_dataset, Store
+from gear_rattle_ros.studies.orbit_diagram import orbit_diagram
 
 SMALL = ['--alpha', '0.48', '0.5', '--columns', '3', '--bins', '600', '--trajectories', '24',
          '--skip', '3000', '--keep', '512']
@@ -29,7 +30,7 @@ def diagram(tmp_path_factory):
 
 
 def orbits_by_events(alpha):
-    """Find periodic orbits in the stream of events of a few starts."""
+    """Find periodic orbits in the streams of events of a few trajectories."""
     found = {}
     for phase in np.linspace(0.3, 6.0, 8):
         detector = TransientDetector()
@@ -92,7 +93,7 @@ def test_chaotic_exponent_agrees_with_the_stream_of_events():
     assert error < 0.01
 
 
-def test_following_agrees_with_many_starts(diagram):
+def test_following_agrees_with_random_initial_conditions(diagram):
     numbers = open_dataset(diagram).attractor.values
     names = [{int(n) for n in column[column >= 0]} for column in numbers[:, 1]]
     assert names[0] >= names[1] == names[2]
@@ -105,7 +106,7 @@ def test_what_is_followed_down_does_not_find_b_again(tmp_path):
                  '16', '--skip', '6000', '--keep', '256', '--output', str(path)]) == 0
     dataset = open_dataset(path)
     seen = (dataset.attractor >= 0).sum('slot')
-    assert int(seen.sel(sweep='starts').isel(alpha=0)) == 2
+    assert int(seen.sel(sweep='random').isel(alpha=0)) == 2
     assert int(seen.sel(sweep='up').isel(alpha=0)) == 2
     assert [int(n) for n in seen.sel(sweep='down')] == [1] * 5
 
@@ -119,7 +120,7 @@ def test_an_orbit_just_before_its_doubling_is_not_taken_for_twice_itself():
 
 @pytest.mark.parametrize('alpha', np.linspace(1.2436, 1.2445, 4))
 def test_a_transient_is_not_called_chaotic(alpha):
-    """Above the crisis all that lives is one orbit; the rest is on its way there."""
+    """Above the crisis the only attractor is one orbit; the rest is on its way there."""
     parameters = Parameters(alpha=float(alpha))
     _, found = find_branches(parameters, Plane().draw(parameters, 96, 1), Window())
     kinds = {one.attractor.kind for one in found}
@@ -127,13 +128,13 @@ def test_a_transient_is_not_called_chaotic(alpha):
     assert [one.attractor.impacts for one in found if one.attractor.orbit] == [4]
 
 
-def test_the_dataset_says_what_it_is(diagram):
+def test_the_dataset_describes_itself(diagram):
     dataset = open_dataset(diagram)
     assert dataset['count'].dims == ('sweep', 'alpha', 'slot', 'velocity')
     assert dataset.alpha.attrs['units'] == '1'
     assert dataset.attrs['beta'] == 0.1
     assert 'orbit_diagram --alpha 0.48' in dataset.attrs['command']
-    total = dataset['count'].sel(sweep='starts').sum(('slot', 'velocity'))
+    total = dataset['count'].sel(sweep='random').sum(('slot', 'velocity'))
     assert set(total.values) == {24 * 512}
 
 
@@ -143,6 +144,12 @@ def test_going_on_changes_nothing(diagram, capsys):
     assert np.array_equal(Store(diagram).read_all('count'), before)
     assert main([*SMALL, '--seed', '7', '--output', str(diagram), '--resume']) == 2
     assert 'seed' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('sweeps', [(), ('up', 'starts')])
+def test_sweeps_that_do_not_exist_are_refused(sweeps):
+    with pytest.raises(ValueError, match='^sweeps = .* must name some of random, up, down$'):
+        orbit_diagram(Parameters(), sweeps=sweeps)
 
 
 @pytest.mark.parametrize(('words', 'named'), [

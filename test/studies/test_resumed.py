@@ -34,7 +34,7 @@ def same_contents(name, one, other):
 
 
 def interrupted(command, path, tiles):
-    """Run a process until some tiles are done, press Ctrl-C, return what it says last."""
+    """Run a process until some tiles are done, press Ctrl-C, return its last line."""
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
                                text=True)
     deadline = time.monotonic() + 300.0
@@ -55,7 +55,7 @@ def interrupted(command, path, tiles):
 @pytest.mark.long
 @pytest.mark.parametrize('name', list(TOOLS))
 def test_ctrl_c_and_resume_change_nothing(name, tmp_path, capsys):
-    """A real process is interrupted; what it says to type finishes the same store."""
+    """A real process is interrupted; the command that it prints finishes the same store."""
     options, tiles, _ = TOOLS[name]
     path, whole = tmp_path / 'a.zarr', tmp_path / 'b.zarr'
     line = interrupted([sys.executable, '-m', 'gear_rattle_ros.start', name,

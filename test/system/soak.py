@@ -5,9 +5,9 @@ The whole suite for a long time: memory flat, nothing lost, diagnostics right, t
     python test/system/soak.py --minutes 20 --rate 0                # as fast as the nodes keep up
 
 Runs `suite`, changes its parameters at random, samples the memory of every process, and at the
-end pauses the simulator and holds what the nodes say against each other and against the bag. Exit
-status 1, and a line for each, where a promise is broken. At full rate the bag takes about 30
-bytes an impact; the run ends early when the bag has reached --bag-limit.
+end pauses the simulator and compares the reports of the nodes with each other and with the bag.
+Exit status 1, and a line for each, where a promise is broken. The run ends early when the bag has
+reached --bag-limit.
 """
 
 import argparse
@@ -202,7 +202,7 @@ class Soak:
         self.values.update(values)
 
     def settle(self) -> None:
-        """Pause, and wait until every node has said that it has got everything."""
+        """Pause, and wait until every node has reported that it has everything."""
         self.call(self.watch.pauser, SetBool.Request(data=True))
         since = time.monotonic()
         self.until(lambda: min(self.watch.heard.values()) > since + 1.5 and not any(
@@ -220,20 +220,20 @@ class Soak:
             ('viewer', int(viewer['impacts_drawn']) + int(viewer['impacts_thinned_out'])),
         ):
             if found != impacts:
-                yield f'{name} says {found} impacts, the simulator {impacts}'
+                yield f'{name} reports {found} impacts, the simulator {impacts}'
         for name in ('lyapunov', 'simulator'):
             if int(said[name]['epoch']) != self.changes:
-                yield f'{name} says epoch {said[name]["epoch"]} after {self.changes} changes'
+                yield f'{name} reports epoch {said[name]["epoch"]} after {self.changes} changes'
         for name, value in self.values.items():
             if float(simulator[name]) != value:
-                yield f'the simulator says {name} = {simulator[name]} instead of {value!r}'
+                yield f'the simulator reports {name} = {simulator[name]} instead of {value!r}'
         for name in NODES[1:]:
             for key in ('gaps', 'lost_impacts', 'restarts', 'refused_batches', 'messages_lost'):
                 if int(said[name].get(key, 0)):
-                    yield f'{name} says {key} = {said[name][key]}'
+                    yield f'{name} reports {key} = {said[name][key]}'
 
     def check_bag(self) -> None:
-        """Hold the bag against what was said."""
+        """Compare the bag with what was reported."""
         guard, impacts, pieces = StreamGuard(), 0, 0
         for events in Bag(self.bag).events():
             pieces += sum(not piece.follows for piece in guard.split(events))
@@ -241,7 +241,8 @@ class Soak:
         said = int(self.watch.said['simulator']['impacts'])
         self.expect(pieces == 1 and guard.first_index == 0,
                     f'the bag has {guard.gaps} gaps, {guard.lost} impacts lost')
-        self.expect(impacts == said, f'the bag has {impacts} impacts, the simulator said {said}')
+        self.expect(impacts == said,
+                    f'the bag has {impacts} impacts, the simulator reported {said}')
         print(f'bag: {impacts} impacts, {self.bag_size() / max(impacts, 1):.1f} bytes each, '
               f'{guard.gaps} gaps', flush=True)
         if 'verify' in EXECUTABLES:

@@ -11,7 +11,7 @@ import time
 import pytest
 
 FOREGROUND = Path(__file__).parents[2] / 'tools' / 'foreground.py'
-# It ends with 0 on the signal named, and says when it is up.
+# It ends with 0 on the signal named, and prints when it is up.
 PATIENT = """
 import signal, sys, time
 signal.signal(signal.{name}, lambda number, frame: sys.exit(0))

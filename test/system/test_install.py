@@ -21,7 +21,7 @@ from gear_rattle_ros.start import EXECUTABLES
 
 PACKAGE = 'gear_rattle_ros'
 ROOT = Path(__file__).parents[2]
-# They run until they are told to stop; the others want a bag first.
+# They run until they are stopped; the others need a bag first.
 NODES: dict[str, list[str]] = {
     'basin': [],
     'lyapunov': [],
@@ -138,7 +138,7 @@ def test_ros_finds_the_executables(prefix: Path) -> None:
 
 def test_tools_ask_for_their_bag(
         prefix: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the bag it needs, an executable says so in one line and exits with 2."""
+    """Without the bag it needs, an executable ends with one line and status 2."""
     monkeypatch.delenv('PYTHONPATH', raising=False)
     for name in NEED_A_BAG:
         done = subprocess.run(

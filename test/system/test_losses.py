@@ -1,4 +1,4 @@
-"""What was lost is said exactly, by every reader; at rate 0 nothing is, whoever dies."""
+"""What was lost is named exactly, by every reader; at rate 0 nothing is, whichever dies."""
 
 from pathlib import Path
 import re
@@ -23,7 +23,7 @@ from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.messages import cloud_from_events, events_from_cloud, stamp_from_nanoseconds
 from gear_rattle_ros.qos import STREAM, STREAM_INPUT
 
-# DDS gives up a reader that says nothing for 20 s; the rest is for a loaded machine [s].
+# DDS gives up a reader that is silent for 20 s; the rest is for a loaded machine [s].
 GIVEN_UP_WITHIN = 40.0
 
 
@@ -102,7 +102,7 @@ def test_stopped_readers_name_exactly_what_they_did_not_get(start, rclpy_node, s
     for name in ('lyapunov', 'transients', 'viewer'):
         spin(lambda name=name: health.number(name, 'events') + health.number(name, 'lost_impacts')
              in (len(events), len(events) - 1), 20.0)
-    # Nothing was computed across the hole: the average is that of what came behind it.
+    # Nothing was computed across the hole: the average is that of what came after it.
     behind = named_holes(nodes['lyapunov'].text())[-1][1] + 1
     running = RunningLyapunov()
     running.update(events[np.flatnonzero(events['index'] == behind)[0]:])
@@ -121,7 +121,7 @@ def test_stopped_readers_name_exactly_what_they_did_not_get(start, rclpy_node, s
 
 @pytest.mark.long
 def test_dead_and_stopped_readers_do_not_hold_the_simulator_up(start, rclpy_node, spin):
-    """At rate 0 one is killed, one stops for ever: 20 s later it goes on, whole for the rest."""
+    """At rate 0 one is killed, one stopped: 20 s later it goes on, whole for the rest."""
     arrivals, guard = [], StreamGuard()
 
     def take(cloud):
@@ -162,7 +162,7 @@ def test_dead_and_stopped_readers_do_not_hold_the_simulator_up(start, rclpy_node
 
 
 @pytest.mark.long
-def test_with_the_processors_taken_nothing_is_lost_unsaid(
+def test_with_the_processors_taken_every_loss_is_reported(
         start, rclpy_node, spin, tmp_path: Path):
     """Four processes that do nothing but compute; got and lost add up to what was sent."""
     health = Health(rclpy_node)

@@ -123,7 +123,7 @@ def test_recorded_transients_follow_from_the_recorded_events(run):
 
 
 def test_the_bag_verifies(run):
-    """Every flight is rebuilt, every estimate and report found again; by the same kernels."""
+    """Every flight is rebuilt, every estimate and report reproduced; by the same kernels."""
     verdict = verify(run[0] / 'bag')
     assert verdict.is_verified, verdict
     assert verdict.flights == verdict.events - 1
@@ -193,7 +193,7 @@ def test_node_that_cannot_start_ends_the_suite(domain, tmp_path):
 
 @pytest.mark.long
 def test_scene_is_played_to_its_end(domain, tmp_path):
-    """Both steps are on the bag: each from its own start, onto its own attractor."""
+    """Both steps are in the bag: each from its own initial condition, onto its own attractor."""
     process = suite('--scene', 'two-attractors', '--output', str(tmp_path / 'run'))
     output = process.communicate(timeout=240)[0].decode()
     assert process.returncode == 0, output

@@ -39,7 +39,7 @@ def is_slow(effort: float, d: float) -> bool:
 @inlined
 def look_ahead(displacement: float, moved: float, velocity: float, sine: float, cosine: float,
                alpha: float, beta: float, gamma: float) -> tuple[float, ...]:
-    """Describe the flight as seen from the wall ahead, and how far that is about."""
+    """Describe the flight as seen from the wall ahead, and roughly how long it takes to reach."""
     drive_cosine = alpha * cosine
     relax = gamma - beta * (velocity - drive_cosine)
     relax_1 = beta * relax
@@ -183,9 +183,9 @@ def close_in(d: float, velocity: float, step: float, returns: float, aimed: floa
              jerk: float, jerk_bound: float, snap_bound: float, towards: float, sine: float,
              cosine: float, alpha: float, beta: float) -> tuple[float, float, bool, float, bool]:
     """Find the impact, or a longer certain step."""
-    # Where the velocity certainly stays positive the zero is the first impact, and less than it by
-    # more than all errors is a certain step. Returns the step, the wall it is towards, whether it
-    # ends there, the velocity before the impact if so, and whether it crawls.
+    # Where the velocity certainly stays positive the zero is the first impact, and a time earlier
+    # by more than all errors is a certain step. Returns the step, the wall it is towards, whether
+    # it ends there, the velocity before the impact if so, and whether it crawls.
     s4, s5, s6, s7, s8, bend = derivatives(towards, pull, sine, cosine, alpha, beta)
     x = aimed
     impact_speed = speed + x * (pull + 0.5 * x * (jerk + (1.0 / 3.0) * x * (s4 + 0.25 * x * (

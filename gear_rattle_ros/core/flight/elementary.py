@@ -20,7 +20,7 @@ TWO_PI_TAIL = 2.4492935982947064e-16
 HALF_PI_1 = float.fromhex('0x1.921fb544p+0')
 HALF_PI_2 = float.fromhex('0x1.0b4611a6p-34')
 HALF_PI_3 = float.fromhex('0x1.3198a2e037073p-69')
-# ln 2 in two pieces, the first of 33 bits.
+# ln 2 in two pieces; the first has 33 bits.
 LN2_1 = float.fromhex('0x1.62e42fefp-1')
 LN2_2 = float.fromhex('0x1.473de6af278edp-34')
 INVERSE_LN2 = float.fromhex('0x1.71547652b82fep+0')

@@ -1,4 +1,4 @@
-"""A short name for the bits that the kernels give here."""
+"""A short name for the bits that the kernels compute on this machine."""
 
 import functools
 import hashlib
@@ -21,7 +21,7 @@ _IMPACTS: Final = 400
 @functools.cache
 def fingerprint() -> str:
     """Return 16 hexadecimal digits that name the bits of events computed on this machine."""
-    # Machines with the same fingerprint find each other's recorded streams again bit for bit.
+    # Machines with the same fingerprint reproduce each other's recorded streams bit for bit.
     digest = hashlib.sha256()
     for number, (parameters, noise) in enumerate(zip(_CASES, _NOISE, strict=True)):
         simulation = Simulation(

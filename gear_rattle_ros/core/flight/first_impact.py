@@ -104,7 +104,7 @@ def bisect_on(d: float, phase: float, s0: float, v0: float,
 def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
                   model: Model) -> tuple[float, int, float, int]:
     """Go forward in flight from time d to the first impact, or at least to `d_stop`."""
-    # In no step can a wall be reached, so no impact is missed. A search that is taken up again
+    # In no step can a wall be reached, so no impact is missed. A search that is resumed
     # with its d and `effort` makes the same steps. Returns the time [1], the evaluations so far,
     # the velocity [1], and the wall (NO_WALL: no impact yet).
     alpha, beta, gamma, _ = model

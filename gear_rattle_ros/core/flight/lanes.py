@@ -44,7 +44,7 @@ RESTS: Final = 1
 FLOATS: Final = 2
 
 # Initial condition and parameters of a trajectory.
-START: Final = np.dtype([
+INITIAL: Final = np.dtype([
     ('phase', np.float64), ('displacement', np.float64), ('velocity', np.float64),
     ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
     ('restitution', np.float64),
@@ -64,14 +64,14 @@ def new_tiles(count: int) -> RecordArray:
     room = np.zeros(count * TILE.itemsize + CACHE_LINE, np.uint8)
     first = -room.ctypes.data % CACHE_LINE
     tiles = room[first:first + count * TILE.itemsize].view(TILE)
-    tiles['start'] = EMPTY
+    tiles['number'] = EMPTY
     return tiles
 
 
 def make_initial_conditions(parameters: Parameters, phases: npt.ArrayLike,
                             displacement: npt.ArrayLike, velocities: npt.ArrayLike) -> RecordArray:
-    """Put initial conditions (phases of any size) and parameters together, as START."""
-    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, START)
+    """Put initial conditions (phases of any size) and parameters together, as INITIAL."""
+    initial = np.zeros(np.broadcast(phases, displacement, velocities).shape, INITIAL)
     turned = np.mod(np.asarray(phases, np.float64), TWO_PI)
     initial['phase'] = np.where(turned >= TWO_PI, 0.0, turned)
     initial['displacement'] = displacement
@@ -137,24 +137,24 @@ def begin(tile: Record, i: int, cycle: int, phase: float, displacement: float, v
 
 @kernel
 def release(tile: Record, i: int) -> None:
-    """Free a lane whose trajectory is done with."""
-    tile.start[i] = EMPTY
+    """Free a lane whose trajectory is finished."""
+    tile.number[i] = EMPTY
     tile.left[i] = 0.0
 
 
 @kernel
-def refill(tile: Record, starts: RecordArray, following: int, left: float) -> int:
+def refill(tile: Record, initial: RecordArray, following: int, left: float) -> int:
     """Put initial conditions from `following` on into free lanes; return the first left."""
     for i in range(LANES):
-        if following == len(starts):
+        if following == len(initial):
             break
-        if tile.start[i] != EMPTY:
+        if tile.number[i] != EMPTY:
             continue
-        start = starts[following]
-        tile.start[i] = following
-        tile.alpha[i], tile.beta[i] = start.alpha, start.beta
-        tile.gamma[i], tile.restitution[i] = start.gamma, start.restitution
-        begin(tile, i, 0, start.phase, start.displacement, start.velocity, left)
+        origin = initial[following]
+        tile.number[i] = following
+        tile.alpha[i], tile.beta[i] = origin.alpha, origin.beta
+        tile.gamma[i], tile.restitution[i] = origin.gamma, origin.restitution
+        begin(tile, i, 0, origin.phase, origin.displacement, origin.velocity, left)
         following += 1
     return following
 
@@ -163,7 +163,7 @@ def refill(tile: Record, starts: RecordArray, following: int, left: float) -> in
 def is_busy(tile: Record) -> bool:
     """Whether any lane carries a trajectory; it may have parked or ended."""
     for i in range(LANES):
-        if tile.start[i] != EMPTY:
+        if tile.number[i] != EMPTY:
             return True
     return False
 
@@ -186,7 +186,7 @@ def floats(tile: Record, i: int) -> bool:
 @kernel
 def attend(tile: Record, i: int) -> None:
     """Do for a lane, just after `step`, what the vector loop leaves out."""
-    # That is sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
+    # These are sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
             tile.velocity[i] = rebound(

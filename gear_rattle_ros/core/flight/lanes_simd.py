@@ -1,4 +1,4 @@
-"""What numba lacks for loops that LLVM is to turn into SIMD code."""
+"""What numba lacks to let LLVM turn loops into SIMD code."""
 
 from typing import Any, cast
 

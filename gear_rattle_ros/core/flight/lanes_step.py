@@ -25,7 +25,7 @@ LANES: Final = 96
 # In `is_special`, at least this: the lane's steps crawl.
 CRAWLING: Final = 2
 
-WHOLE: Final = ('cycle', 'has_hit', 'is_special', 'count', 'start', 'end')
+WHOLE: Final = ('cycle', 'has_hit', 'is_special', 'count', 'number', 'end')
 # One record is a tile; every field is a row of lanes. The flight of a lane began at `cycle`,
 # `phase`, with `displacement` and `velocity`, and is known to be free up to `duration` after that.
 TILE: Final = np.dtype([(name, np.int64 if name in WHOLE else np.float64, LANES) for name in (
@@ -49,8 +49,8 @@ TILE: Final = np.dtype([(name, np.int64 if name in WHOLE else np.float64, LANES)
     'sine_half', 'cosine_half',
     # In the latest step: velocity before the impact; whether it hit, and needs the scalar path.
     'impact_velocity', 'has_hit', 'is_special',
-    # Impacts of the latest `advance`; number of the start in the lane or EMPTY; why it has ended.
-    'count', 'start', 'end',
+    # Impacts of the latest `advance`; number of the initial condition or EMPTY; why it has ended.
+    'count', 'number', 'end',
 )], align=True)
 
 

@@ -1,4 +1,4 @@
-"""Chaotic sets: where trajectories move that settle on no orbit, as boxes of the section."""
+"""Chaotic sets, on which trajectories that settle on no orbit move, as boxes of the section."""
 
 import dataclasses
 import functools
@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .recorded import record_impacts, starts_after
+from .recorded import initial_after, record_impacts
 from .settling import BOXES, cell_of, RecordArray
 from ..arrays import FloatArray, IntArray, Record, Whole
 from ..compiled import kernel
@@ -20,7 +20,7 @@ from ..orbits.orbit import close_near, Orbit
 from ..orbits.section import distance, distances, shortest_recurrence
 from ..stream.lyapunov import LyapunovReport, RunningLyapunov
 
-# Trajectories that share at least this part of their boxes are on the same set.
+# Trajectories that share at least this fraction of their boxes are on the same set.
 OVERLAP: Final = 0.5
 # The orbit that names a set: its longest period, how near impacts must recur, how near those are
 # that lead to the same orbit, the orbits tried for a period, the impacts that are searched, and
@@ -76,14 +76,14 @@ class ChaoticSet:
 
     boxes: npt.NDArray[np.bool_]  # (wall, speed, phase), shape (2, BOXES, BOXES)
     speed: float  # greatest speed of the boxes [1]
-    states: RecordArray  # START of trajectories on it, after the impacts that fill the boxes
+    states: RecordArray  # INITIAL of trajectories on it, after the impacts that fill the boxes
     impacts: int  # all of these impacts
     # Which of these trajectories recur and so have left for an orbit; all if others came to rest.
     recurs: npt.NDArray[np.bool_]
     # Name of the shortest periodic orbit in it, which repels. An orbit is exact, while averages
     # over the set have an error and fall on both sides of any rounding.
     orbit: str
-    # START of its impacts: what begins there is the same whichever trajectories showed it.
+    # INITIAL of its impacts: the same whichever trajectories led to the orbit.
     origin: RecordArray
     exponents: LyapunovReport  # of its first trajectory
 
@@ -99,11 +99,11 @@ class ChaoticSet:
         return count_pieces(rows_from(self.origin))
 
 
-def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effort: Effort,
+def chaotic_sets(parameters: Parameters, initial: RecordArray, length: int, effort: Effort,
                  tolerance: float) -> list[ChaoticSet]:
     """Find the sets on which trajectories move after their transients, in the order of names."""
     # Each is followed for `length` impacts; impacts within `tolerance` [1] recur.
-    rows, made = record_impacts(starts, 0, length)
+    rows, made = record_impacts(initial, 0, length)
     whole = made == length
     if not np.any(whole):
         return []
@@ -134,12 +134,12 @@ def chaotic_sets(parameters: Parameters, starts: RecordArray, length: int, effor
         if not on:
             continue
         last = rows[on, -1]
-        states = starts_after(parameters, last['phase'], last['velocity'])
+        states = initial_after(parameters, last['phase'], last['velocity'])
         boxes = hit[members].any(axis=0).repeat(BOXES // edge, 1).repeat(BOXES // edge, 2)
         # Those that have come to rest have left, too.
         sets.append(ChaoticSet(boxes, speed, states, len(on) * length,
                                recurs[on] | (len(on) < len(members)), name,
-                               starts_from(orbit) if orbit else states,
+                               initial_from(orbit) if orbit else states,
                                averages(parameters, states[0], effort.averaged)))
     return sets
 
@@ -162,13 +162,13 @@ def fill_lanes(states: RecordArray) -> RecordArray:
 
 
 def enough_of(parameters: Parameters, rows: RecordArray) -> RecordArray:
-    """Return `NAMED` impacts of trajectories, however few there are and however short."""
+    """Return `NAMED` impacts of trajectories, however few and short they are."""
     each = -(-NAMED // len(rows))
     if rows.shape[1] >= each:
         return np.ascontiguousarray(rows[:, :each])
     last = rows[:, -1]
-    starts = starts_after(parameters, last['phase'], last['velocity'])
-    more, made = record_impacts(fill_lanes(starts), 0, NAMED // LANES)
+    initial = initial_after(parameters, last['phase'], last['velocity'])
+    more, made = record_impacts(fill_lanes(initial), 0, NAMED // LANES)
     return more if np.all(made == more.shape[1]) else rows
 
 
@@ -181,7 +181,7 @@ def shortest_orbit(parameters: Parameters, rows: RecordArray) -> Orbit | None:
                 orbit.drive_periods, orbit.walls[0], orbit.phases[0])):
             seen = least_share(rows, orbit)
             if seen >= CERTAIN * VISITED or seen > 0.0 and least_share(
-                    rows_from(starts_from(orbit)), orbit) >= VISITED:
+                    rows_from(initial_from(orbit)), orbit) >= VISITED:
                 return orbit
     return None
 
@@ -213,14 +213,14 @@ def least_share(rows: RecordArray, orbit: Orbit) -> float:
     return fewest / max(1, rows.size)
 
 
-def starts_from(orbit: Orbit) -> RecordArray:
-    """Return the impacts of an orbit as starts: the same to the bit, however it was found."""
-    return starts_after(orbit.parameters, *np.round(orbit.points, DIGITS).T)
+def initial_from(orbit: Orbit) -> RecordArray:
+    """Return the impacts of an orbit as INITIAL: the same to the bit, however it was found."""
+    return initial_after(orbit.parameters, *np.round(orbit.points, DIGITS).T)
 
 
-def rows_from(starts: RecordArray) -> RecordArray:
-    """Follow starts in all lanes; only trajectories that do not end."""
-    rows, made = record_impacts(fill_lanes(starts), LEADS_AWAY, DECIDED // LANES)
+def rows_from(initial: RecordArray) -> RecordArray:
+    """Follow initial conditions in all lanes; return only trajectories that do not end."""
+    rows, made = record_impacts(fill_lanes(initial), LEADS_AWAY, DECIDED // LANES)
     return rows[made == rows.shape[1]]
 
 
@@ -256,10 +256,10 @@ def visits(rows: Record, phase: float, velocity: float, most: float) -> int:
     return count
 
 
-def averages(parameters: Parameters, start: np.void, impacts: int) -> LyapunovReport:
+def averages(parameters: Parameters, state: np.void, impacts: int) -> LyapunovReport:
     """Average exponents along one trajectory."""
     simulation = Simulation(parameters, State(
-        0, float(start['phase']), float(start['displacement']), float(start['velocity'])))
+        0, float(state['phase']), float(state['displacement']), float(state['velocity'])))
     running = RunningLyapunov()
     while simulation.impacts < impacts and not simulation.is_permanently_at_rest:
         cycle, _ = simulation.moment

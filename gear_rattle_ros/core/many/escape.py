@@ -61,7 +61,7 @@ def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
 
 
 @kernel
-def last_until_captured(tile: Record, starts: RecordArray, points: FloatArray, radius: float,
+def last_until_captured(tile: Record, initial: RecordArray, points: FloatArray, radius: float,
                         skip: int, wanted: int, limit: int
                         ) -> tuple[IntArray, IntArray, FloatArray]:
     """Follow trajectories until `wanted` of them are captured after more than `skip` impacts."""
@@ -70,20 +70,20 @@ def last_until_captured(tile: Record, starts: RecordArray, points: FloatArray, r
     # the impacts until then, CAPTURED, SURVIVED, ENDED or UNUSED, and the last phase, displacement
     # and velocity [rad, 1, 1] of each. No time goes into waiting for a last long transient.
     q = len(points)
-    lifetimes, fates = np.zeros(len(starts), np.int64), np.full(len(starts), UNUSED)
-    ends = np.zeros((len(starts), 3))
+    lifetimes, fates = np.zeros(len(initial), np.int64), np.full(len(initial), UNUSED)
+    ends = np.zeros((len(initial), 3))
     impacts = new_impacts(STEPS)
     # Impacts in a row that were near the orbit, and the point that the last was near.
     row = np.zeros(LANES, np.int64)
     where = np.zeros(LANES, np.int64)
     made = np.zeros(LANES, np.int64)
     late = 0
-    following = refill(tile, starts, 0, math.inf)
-    while late < wanted and (following < len(starts) or is_busy(tile)):
+    following = refill(tile, initial, 0, math.inf)
+    while late < wanted and (following < len(initial) or is_busy(tile)):
         advance(tile, impacts, STEPS)
         for i in range(LANES):
-            start = tile.start[i]
-            if start < 0:
+            number = tile.number[i]
+            if number < 0:
                 continue
             for k in range(tile.count[i]):
                 one = impacts[i, k]
@@ -104,18 +104,18 @@ def last_until_captured(tile: Record, starts: RecordArray, points: FloatArray, r
                 if row[i] > q or made[i] >= limit:
                     break
             is_caught, is_late = row[i] > q, made[i] >= limit
-            lifetimes[start] = made[i] - (row[i] if is_caught else 0)
-            fates[start] = SURVIVED
+            lifetimes[number] = made[i] - (row[i] if is_caught else 0)
+            fates[number] = SURVIVED
             if is_caught:
-                fates[start] = CAPTURED
-                late += 1 if lifetimes[start] > skip else 0
+                fates[number] = CAPTURED
+                late += 1 if lifetimes[number] > skip else 0
             elif tile.end[i] != RUNS and not is_late:
-                fates[start] = ENDED
-            ends[start, 0] = tile.phase[i]
-            ends[start, 1] = tile.displacement[i]
-            ends[start, 2] = tile.velocity[i]
+                fates[number] = ENDED
+            ends[number, 0] = tile.phase[i]
+            ends[number, 1] = tile.displacement[i]
+            ends[number, 2] = tile.velocity[i]
             if is_caught or is_late or tile.end[i] != RUNS:
                 release(tile, i)
                 row[i] = made[i] = 0
-        following = refill(tile, starts, following, math.inf)
+        following = refill(tile, initial, following, math.inf)
     return lifetimes, fates, ends

@@ -25,23 +25,23 @@ def largest_singular(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel
-def grow(tile: Record, starts: RecordArray, count: int, exponents: FloatArray) -> int:
+def grow(tile: Record, initial: RecordArray, count: int, exponents: FloatArray) -> int:
     """Follow initial conditions for `count` impacts with their tangent; return all impacts."""
     # `exponents` receives the logarithm per impact of the product of all flight and saltation
     # matrices (Ott, Chaos in Dynamical Systems, ch. 4.4): -inf where the gear sticks or comes to
     # rest, nan where it floats between the walls.
-    product, scale = np.zeros((len(starts), 4)), np.zeros(len(starts))
+    product, scale = np.zeros((len(initial), 4)), np.zeros(len(initial))
     product[:, 0] = product[:, 3] = 1.0
-    cycle, phase = np.zeros(len(starts), np.int64), starts['phase'].copy()
+    cycle, phase = np.zeros(len(initial), np.int64), initial['phase'].copy()
     impacts = lanes.new_impacts(STEPS)
     following = total = 0
     while True:
-        following = lanes.refill(tile, starts, following, float(count))
+        following = lanes.refill(tile, initial, following, float(count))
         if not lanes.is_busy(tile):
             return total
         lanes.advance(tile, impacts, STEPS)
         for i in range(LANES):
-            n = tile.start[i]
+            n = tile.number[i]
             if n == lanes.EMPTY:
                 continue
             total += tile.count[i]

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from .recorded import record_impacts, starts_after
+from .recorded import initial_after, record_impacts
 from ..arrays import FloatArray
 from ..flight.elementary import TWO_PI
 from ..orbits.orbit import fire, Orbit
@@ -63,7 +63,7 @@ def _stays(orbit: Orbit, k: int, offsets: FloatArray, form: FloatArray, toleranc
     velocities = orbit.velocities[k] + offsets[1]
     if np.any(np.signbit(velocities) != bool(orbit.walls[k])):
         return False
-    rows, counts = record_impacts(starts_after(orbit.parameters, phases, velocities), 0, q)
+    rows, counts = record_impacts(initial_after(orbit.parameters, phases, velocities), 0, q)
     if np.any(counts < q):
         return False
     order = (k + 1 + np.arange(q)) % q

@@ -11,20 +11,20 @@ from ..model import Parameters
 
 
 @kernel
-def record(tile: Record, starts: RecordArray, skip: int,
+def record(tile: Record, initial: RecordArray, skip: int,
            count: int) -> tuple[RecordArray, IntArray]:
     """Follow initial conditions and keep the impacts after the first `skip`, a row each."""
     # There are fewer than the row holds where the trajectory ends.
-    rows, counts = np.zeros((len(starts), count), lanes.IMPACT), np.zeros(len(starts), np.int64)
+    rows, counts = np.zeros((len(initial), count), lanes.IMPACT), np.zeros(len(initial), np.int64)
     impacts = lanes.new_impacts(STEPS)
     following = 0
     while True:
-        following = lanes.refill(tile, starts, following, float(skip + count))
+        following = lanes.refill(tile, initial, following, float(skip + count))
         if not lanes.is_busy(tile):
             return rows, counts
         lanes.advance(tile, impacts, STEPS)
         for i in range(LANES):
-            number = tile.start[i]
+            number = tile.number[i]
             if number == lanes.EMPTY:
                 continue
             # `left` has counted these already; a lane that has ended has none left.
@@ -38,13 +38,13 @@ def record(tile: Record, starts: RecordArray, skip: int,
                 lanes.release(tile, i)
 
 
-def record_impacts(starts: RecordArray, skip: int, count: int) -> tuple[RecordArray, IntArray]:
+def record_impacts(initial: RecordArray, skip: int, count: int) -> tuple[RecordArray, IntArray]:
     """Keep `count` impacts after the first `skip` of each; return them and how many there are."""
-    return record(lanes.new_tiles(1)[0], starts, skip, count)
+    return record(lanes.new_tiles(1)[0], initial, skip, count)
 
 
-def starts_after(parameters: Parameters, phases: FloatArray, velocities: FloatArray
-                 ) -> RecordArray:
+def initial_after(parameters: Parameters, phases: FloatArray, velocities: FloatArray
+                  ) -> RecordArray:
     """Make initial conditions just after impacts with these phases [rad] and velocities before."""
     return lanes.make_initial_conditions(parameters, phases, -1.0 * np.signbit(velocities),
                                          -parameters.restitution * velocities)

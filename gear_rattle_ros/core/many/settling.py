@@ -112,16 +112,16 @@ def is_caught(point: Record, phase: float, velocity: float) -> bool:
 
 
 @kernel
-def note_stick(w: Record, displacement: float, phase: float, start: Record) -> None:
+def note_stick(w: Record, displacement: float, phase: float, origin: Record) -> None:
     """Note when the gear first sticks, and at which phase it leaves."""
-    delay = release_delay(displacement, phase, model_of(start))
+    delay = release_delay(displacement, phase, model_of(origin))
     if w.stick == EMPTY and delay < math.inf:
         w.stick = w.impacts
         w.release = later(phase, delay)[1]
 
 
 @kernel
-def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole, int]:
+def watch(w: Record, impact: Record, origin: Record, table: Table) -> tuple[Whole, int]:
     """Compare one impact with the table; return label and lifetime, EMPTY and 0 if not settled."""
     tolerance = table.tolerance
     phase = impact.phase
@@ -160,10 +160,10 @@ def watch(w: Record, impact: Record, start: Record, table: Table) -> tuple[Whole
                     nearest = apart
                     w.point = point.following
                     w.since = n
-    if sticks(velocity, phase, model_of(start)):
+    if sticks(velocity, phase, model_of(origin)):
         if table.sticks[wall] != EMPTY:
             return table.sticks[wall], n
-        note_stick(w, -1.0 * wall, phase, start)
+        note_stick(w, -1.0 * wall, phase, origin)
     if len(table.boxes) > 0:
         box = cell_of(wall, phase, abs(velocity), table.box_speed, BOXES)
         inside = table.boxes[box] if box >= 0 else EMPTY
@@ -206,7 +206,7 @@ def finish(tile: Record, i: int, result: Record, label: int, lifetime: int, impa
 
 
 @kernel
-def classify(tile: Record, starts: RecordArray, cap: int, table: Table,
+def classify(tile: Record, initial: RecordArray, cap: int, table: Table,
              results: RecordArray) -> int:
     """Follow initial conditions, at most for `cap` impacts, until they settle, into `results`."""
     # Returns the impacts that they made.
@@ -216,24 +216,24 @@ def classify(tile: Record, starts: RecordArray, cap: int, table: Table,
     skips = len(table.boxes) == 0
     while True:
         before = following
-        following = refill(tile, starts, following, float(cap))
+        following = refill(tile, initial, following, float(cap))
         for i in range(LANES):
-            if tile.start[i] >= before:
+            if tile.number[i] >= before:
                 w = watches[i]
                 w.impacts, w.release = 0, math.nan
                 w.point = w.box = w.stick = EMPTY
-                start = starts[tile.start[i]]
-                if rests(start.displacement, start.velocity, start.phase, model_of(start)):
-                    note_stick(w, start.displacement, start.phase, start)
+                origin = initial[tile.number[i]]
+                if rests(origin.displacement, origin.velocity, origin.phase, model_of(origin)):
+                    note_stick(w, origin.displacement, origin.phase, origin)
         if not is_busy(tile):
             return total
         advance(tile, impacts, STEPS)
         for i in range(LANES):
-            number = tile.start[i]
+            number = tile.number[i]
             if number == EMPTY:
                 continue
             w = watches[i]
-            start = starts[number]
+            origin = initial[number]
             label = EMPTY
             lifetime = 0
             row = impacts[i]
@@ -242,13 +242,13 @@ def classify(tile: Record, starts: RecordArray, cap: int, table: Table,
             while k < count and label == EMPTY:
                 if w.point == EMPTY and skips:
                     seen = k
-                    k = uneventful(row, k, count, start.restitution, table)
+                    k = uneventful(row, k, count, origin.restitution, table)
                     if k > seen:
                         w.impacts += k - seen
                         w.cycle, w.phase = row[k - 1].cycle, row[k - 1].phase
                     if k == count:
                         break
-                label, lifetime = watch(w, row[k], start, table)
+                label, lifetime = watch(w, row[k], origin, table)
                 k += 1
             total += count
             n = w.impacts

@@ -32,25 +32,25 @@ class Counted:
 
 
 @kernel
-def measure(tile: Record, starts: RecordArray, keep: int, low: float, high: float, bins: int
+def measure(tile: Record, initial: RecordArray, keep: int, low: float, high: float, bins: int
             ) -> tuple[npt.NDArray[np.uint32], FloatArray, FloatArray]:
     """Follow trajectories; return the fields of `Counted`, from impact TURN_IMPACTS on."""
-    trajectories, skip = len(starts), TURN_IMPACTS
+    trajectories, skip = len(initial), TURN_IMPACTS
     counts = np.zeros((trajectories, bins), np.uint32)
     growth, times = np.zeros((trajectories, BLOCKS)), np.zeros(trajectories)
     vectors, made = np.ones((trajectories, 2)), np.zeros(trajectories, np.int64)
-    cycles, phases = np.zeros(trajectories, np.int64), starts['phase'].copy()
+    cycles, phases = np.zeros(trajectories, np.int64), initial['phase'].copy()
     impacts = lanes.new_impacts(STEPS)
     scale = bins / (high - low)
     block = keep // BLOCKS
     following = 0
     while True:
-        following = lanes.refill(tile, starts, following, float(skip + keep))
+        following = lanes.refill(tile, initial, following, float(skip + keep))
         if not lanes.is_busy(tile):
             return counts, growth, times
         lanes.advance(tile, impacts, STEPS)
         for i in range(LANES):
-            t = tile.start[i]
+            t = tile.number[i]
             if t == lanes.EMPTY:
                 continue
             model = lanes.model_in(tile, i)
@@ -84,7 +84,7 @@ def measure(tile: Record, starts: RecordArray, keep: int, low: float, high: floa
                 lanes.release(tile, i)
 
 
-def count_velocities(starts: RecordArray, keep: int, low: float, high: float, bins: int
+def count_velocities(initial: RecordArray, keep: int, low: float, high: float, bins: int
                      ) -> Counted:
     """Count `keep` >= BLOCKS impact velocities of each trajectory in bins over [low, high]."""
-    return Counted(*measure(lanes.new_tiles(1)[0], starts, keep, low, high, bins))
+    return Counted(*measure(lanes.new_tiles(1)[0], initial, keep, low, high, bins))

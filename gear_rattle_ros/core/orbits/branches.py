@@ -18,16 +18,16 @@ from ..model import ALPHA_MAXIMUM, Parameters
 FIRST_STEP: Final = 2e-3
 SHORTEST_STEP: Final = 1e-10
 CORRECTIONS: Final = 10
-# The corrected point may be so far from the predicted one, in steps.
+# Largest distance of the corrected point from the predicted one, in steps.
 STRAY: Final = 0.3
 # No change is claimed to be located better than this [1]: Newton's method ends at 1e-12.
 ROUNDING: Final = 2e-10
 ROOT_STEPS: Final = 100
 # Steps tried from a change to the orbit that is born there, all coordinates together [1].
 ASIDE: Final = (1e-3, 3e-4, 1e-4, 3e-5)
-# Orbits that part at a change are told apart beyond this [rad, 1].
+# Orbits that diverge at a change are distinguished beyond this [rad, 1].
 APART: Final = 1e-6
-# Where a branch was born is first seen so well: in alpha, and as to the orbit it left [rad, 1].
+# Where a branch is born is first known to this: in alpha [1], and in the orbit it left [rad, 1].
 NEAR: Final = 1e-3
 MIDDLE: Final = 0.1
 

@@ -76,7 +76,7 @@ def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     first, second = orbit.multipliers
     if shot is None or first.imag != 0.0 or not first.real > 1.0 > second.real > 0.0:
-        raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit is no saddle with '
+        raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit is not a saddle with '
                          'positive multipliers')
     values, vectors = np.linalg.eig(shot.derivative())
     vectors = np.real(vectors[:, np.argsort(-np.abs(values))])

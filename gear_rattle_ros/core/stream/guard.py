@@ -23,7 +23,7 @@ class Hole:
     """Records that were never seen."""
 
     after: tuple[int, int]  #: Index and epoch of the last record before it.
-    before: tuple[int, int]  #: Index and epoch of the first record behind it.
+    before: tuple[int, int]  #: Index and epoch of the first record after it.
     lost: int  #: Impacts missing; 0 where only retunes, resets or releases are.
 
     def describe(self) -> str:

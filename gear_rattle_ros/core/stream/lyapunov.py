@@ -44,14 +44,14 @@ class LyapunovReport:
     lambda_2: float  #: The smaller exponent per impact [1].
     lambda_1_error: float  #: Standard error by block means [1]; nan with too few impacts.
     lambda_2_error: float  #: Standard error of lambda_2 [1].
-    exact_sum: float  #: ``2 ln r - beta <D>`` [1]: lambda_1 + lambda_2, by eq. (11).
+    exact_sum: float  #: lambda_1 + lambda_2 by eq. (11), ``2 ln r - beta <D>`` [1].
     #: Largest exponent over the last `window` impacts [1], also across retunes, at which the
     #: tangent is continuous; nan until there are that many.
     lambda_1_finite: float
     window: int  #: Impacts in the finite-time exponent.
     finite_retunes: int  #: Retunes among these impacts.
     mean_flight_time: float  #: Time per impact [1]; divide by it for exponents per unit of tau.
-    #: Mean force of the walls since the last reset [1]: changes of velocity at impacts and the
+    #: Mean force of the walls since the last reset [1], from velocity changes at impacts and the
     #: force on the gear while it sticks. It tends to gamma, off by a bounded amount over the time.
     impulse_balance: float
     exact_impulse_balance: float  #: What it must be, from the states at both ends [1].

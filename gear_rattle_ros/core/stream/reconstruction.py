@@ -41,10 +41,10 @@ def state_after(event: Record, d: float) -> tuple[float, float]:
 
 
 @kernel
-def sample(events: EventArray, starts: FloatArray, step: float, tau: FloatArray,
+def sample(events: EventArray, delays: FloatArray, step: float, tau: FloatArray,
            displacement: FloatArray, velocity: FloatArray) -> int:
     """Sample the motion between each event and the next; return the number of samples."""
-    # They begin a time `starts` after each event, equally spaced by at most `step` [1]. Without
+    # They begin a time `delays` after each event, equally spaced by at most `step` [1]. Without
     # room for them they are only counted.
     count = 0
     last = events[-1]
@@ -54,7 +54,7 @@ def sample(events: EventArray, starts: FloatArray, step: float, tau: FloatArray,
         # Differences of the cycle numbers are taken modulo 2^32, as these are.
         cycles = np.int64(np.uint32(after.cycle - event.cycle))
         duration = max(elapsed(cycles, event.phase, after.phase), 0.0)
-        begin = starts[i]
+        begin = delays[i]
         if begin > duration:
             continue
         number = max(1, int(math.ceil((duration - begin) / step)))
@@ -102,10 +102,10 @@ def rebuild(events: EventArray, step: float, periods: float = math.inf) -> Motio
     none = np.empty(0)
     if len(events) < 2:
         return Motion(none, none, none)
-    starts = np.maximum(-TWO_PI * periods - drive_phases(events), 0.0)
+    delays = np.maximum(-TWO_PI * periods - drive_phases(events), 0.0)
     # Flights that end before the stretch are left out whole.
     events = np.ascontiguousarray(events)
-    count = sample(events, starts, step, none, none, none)
+    count = sample(events, delays, step, none, none, none)
     tau, displacement, velocity = np.empty((3, count))
-    sample(events, starts, step, tau, displacement, velocity)
+    sample(events, delays, step, tau, displacement, velocity)
     return Motion(tau, displacement, velocity)

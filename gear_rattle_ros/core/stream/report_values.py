@@ -26,7 +26,7 @@ def infinite_in_words(values: Mapping[str, float]) -> str:
     sticks = values.get('sticks', 0.0)
     if values.get('lambda_1') == -math.inf and sticks > 0.0:
         return (f'-inf: the gear stuck at {sticks:,.0f} of {values.get("impacts", 0.0):,.0f} '
-                'impacts and forgot all that was before (superstable)')
+                'impacts, where all memory is lost (superstable)')
     if values.get('lambda_2') == -math.inf:
         return '-inf: without restitution an impact forgets the velocity before it (r = 0)'
     return ''

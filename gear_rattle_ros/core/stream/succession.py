@@ -132,7 +132,7 @@ def follow_steps(last: RecordArray, events: RecordArray, trajectory: Record, roo
 
 
 class Succession:
-    """Rebuild every flight of a stream, given in batches, and find its records again."""
+    """Rebuild every flight of a stream, given in batches, and reproduce its records."""
 
     # After a kick by noise, the velocity is taken as it is, and what comes next must follow.
     def __init__(self) -> None:

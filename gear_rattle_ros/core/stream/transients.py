@@ -69,8 +69,8 @@ class TransientReport:
     regime: Regime  #: Transient, on a periodic orbit, or permanently at rest on a wall.
     epoch: int = 0  #: Epoch of the stream at `index`.
     index: int = 0  #: Number of the impact at which this was found.
-    #: Number of the impact after which this transient began: at a reset, at the beginning of the
-    #: stream or behind a hole; at the last retune by more than the tolerance, if it was a
+    #: Number of the impact after which this transient began, at a reset, at the beginning of the
+    #: stream or after a hole; at the last retune by more than the tolerance, if it was a
     #: transient already; where an orbit was left, and at the last retune if that took it off.
     start: int = 0
     impacts: int = 0  #: Impacts of the transient that were seen; 0 where it is over.
@@ -80,7 +80,7 @@ class TransientReport:
     #: its orbit, flight times too, or to the last at rest; None while it is transient. At least 2
     #: for an orbit at the beginning of a stream: the first impact has no flight before it.
     lifetime: int | None = None
-    #: The orbit, beginning with the least (wall, phase), at the parameters of `epoch`: refined by
+    #: The orbit, beginning with the least (wall, phase), at the parameters of `epoch`, refined by
     #: Newton's method where that finds it, else the mean of the last impacts, whose multipliers
     #: are not known; multipliers are 0 where it sticks.
     orbit: Orbit | None = None
@@ -144,7 +144,7 @@ class TransientReport:
         if math.isnan(self.exponent):
             return ''
         if math.isinf(self.exponent):
-            return ', largest exponent -inf: the gear has stuck and forgotten all before'
+            return ', largest exponent -inf: the gear has stuck and lost all memory'
         if math.isnan(self.exponent_error):
             return f', finite-time exponent {self.exponent:+.3f}'
         return f', largest exponent {self.exponent:+.4f} ± {self.exponent_error:.4f}'
@@ -538,8 +538,8 @@ class TransientDetector:
             return False
         # Each may be off the orbit by the tolerance.
         near = 2.0 * self._tolerance
-        starts = np.flatnonzero(_distances(b, np.repeat(a[:1], len(b))) <= near)
-        return any(float(np.max(_distances(a, np.roll(b, -k)))) <= near for k in starts)
+        lags = np.flatnonzero(_distances(b, np.repeat(a[:1], len(b))) <= near)
+        return any(float(np.max(_distances(a, np.roll(b, -k)))) <= near for k in lags)
 
     def _past(self, count: int) -> RecordArray:
         # Oldest first; the very first impact of a stretch has no flight time.

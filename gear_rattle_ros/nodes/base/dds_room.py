@@ -34,8 +34,8 @@ def make_room() -> str:
     # DDS writes to every page at once, and dies where it cannot have one.
     if free < SEGMENT + SPARE:
         return (f'{MEMORY} has {free >> 20} MB free and the stream needs {SEGMENT >> 20} MB: it '
-                'will be slower with several readers; give a container more by --shm-size, and '
-                'remove what killed processes have left by `fastdds shm clean`')
+                'will be slower with several readers; give a container more with --shm-size, and '
+                'remove what killed processes have left with `fastdds shm clean`')
     _use('stream.xml')
     return ''
 

@@ -2,4 +2,4 @@
 
 
 class UserError(Exception):
-    """The program cannot start or go on, for a reason that its user can mend."""
+    """The program cannot start or go on, for a reason that its user can fix."""

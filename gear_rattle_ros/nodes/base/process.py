@@ -70,7 +70,7 @@ def begin(ros: list[str]) -> None:
 
 def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made],
                 run: Callable[[Made, Stop], int]) -> int:
-    """Run a program in the ROS graph: 2 after one line where its user has to mend something."""
+    """Run a program in the ROS graph: 2 after one line where its user has to fix something."""
     stop = Stop()
     try:
         try:

@@ -47,7 +47,7 @@ class Status:
             ('lambda_1 per impact', exponent('lambda_1', 'lambda_1_error')),
             (f'  last {counted(self.exponents.get("window", 0), "impact")}',
              exponent('lambda_1_finite')
-             + (f' over {retunes:,.0f} retunes' if retunes > 0.0 else '')),
+             + (f' over {counted(retunes, "retune")}' if retunes > 0.0 else '')),
             ('lambda_2 per impact', exponent('lambda_2', 'lambda_2_error')),
             ('sum', exponent('sum')),
             ('  exact sum', exponent('exact_sum')),

@@ -29,7 +29,7 @@ from ..base.process import apart, exit_status, Stop
 from ..base.services import listen
 from ...parameters import SIMULATOR
 from ...qos import LATCHED, STREAM
-from ...scenes import find_scene, load_scenes, NAMES, Performance, START, Step
+from ...scenes import find_scene, INITIAL, load_scenes, NAMES, Performance, Step
 
 READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 # Two situations of the paper: a chaotic attractor, and a chaotic transient after the crisis.
@@ -260,10 +260,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--then', type=float, metavar='ALPHA', help='alpha from half-way on [1]')
     add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
     for given in SIMULATOR:
-        if given.name in START and given.name != 'alpha_rate':
+        if given.name in INITIAL and given.name != 'alpha_rate':
             name = given.name.removeprefix('initial_')
-            add(f'--{name}', dest=given.name, metavar=name.upper(), type=type(START[given.name]),
-                default=START[given.name],
+            add(f'--{name}', dest=given.name, metavar=name.upper(), type=type(INITIAL[given.name]),
+                default=INITIAL[given.name],
                 help=f'{given.descriptor().description} (%(default)s)')
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
