@@ -134,6 +134,7 @@ def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
         assert np.array_equal(resumed.read_all(name), whole.read_all(name))
 
 
+@pytest.mark.long
 def test_exponents_are_drawn(tmp_path):
     """The tool writes a picture beside the store."""
     picture = tmp_path / 'a.png'

@@ -154,6 +154,7 @@ def by_search(states, found):  # type: ignore[no-untyped-def]
         found[i] = np.array((d, velocity, float(wall), float(effort)))
 
 
+@pytest.mark.long
 def test_bisection_alone_finds_the_impacts_of_the_search() -> None:
     """Of 50,000 flights, in as many stretches and evaluations as are proved."""
     states = random_states(4, 50_000)

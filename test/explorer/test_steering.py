@@ -41,6 +41,7 @@ def test_simulator_goes_on_from_the_state(
     link.close()
 
 
+@pytest.mark.long
 def test_without_a_simulator_it_explains_what_to_do(domain: int) -> None:
     """Within seconds, in one line."""
     link = SimulatorLink()

@@ -102,6 +102,7 @@ def test_other_transports_stay(monkeypatch: pytest.MonkeyPatch, name: str, value
     assert not any(profile in os.environ for profile in PROFILES)
 
 
+@pytest.mark.long
 def test_a_reader_that_is_full_refuses_and_loses_nothing(rclpy_node, spin: Callable) -> None:
     """Beyond the depth of the publisher it acknowledges no more until it has taken some."""
     root = xml.etree.ElementTree.parse(config_folder('fastdds') / 'readers.xml').getroot()

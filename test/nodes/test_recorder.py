@@ -182,6 +182,7 @@ def test_gaps_and_late_publishers_are_reported(
     assert sum(widths[1:]) == len(events) - 121
 
 
+@pytest.mark.long
 def test_what_was_lost_is_reported_and_what_was_superseded_is_not_lost(
         record, rclpy_node, spin, tmp_path: Path) -> None:
     """Of what is latched the newest is enough; of the other topics every message counts."""
@@ -229,6 +230,7 @@ def test_what_was_lost_is_reported_and_what_was_superseded_is_not_lost(
     assert f', {lost:,} {words}, {superseded} superseded, ' in closing_line(process)
 
 
+@pytest.mark.long
 def test_a_full_disk_ends_the_bag_and_not_the_node(record, impacts, spin, tmp_path: Path) -> None:
     """One line reports it, no publisher is held up, what was written before stays readable."""
     process = record()

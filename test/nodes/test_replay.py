@@ -67,6 +67,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_every_byte_comes_again_as_fast_as_possible(start, listener: Listener, bag: Path) -> None:
     """Speed 0 loses nothing, keeps the order, ends by itself and reports it."""
     process = start('replay', str(bag), '--speed', '0')
@@ -78,6 +79,7 @@ def test_every_byte_comes_again_as_fast_as_possible(start, listener: Listener, b
         'of 2.000')
 
 
+@pytest.mark.long
 def test_it_waits_for_the_number_of_readers_given(
         start, listener: Listener, rclpy_node, bag: Path) -> None:
     """With one of two it does not begin, however long that has not changed."""
@@ -93,6 +95,7 @@ def test_it_waits_for_the_number_of_readers_given(
     assert late == CLOUDS
 
 
+@pytest.mark.long
 def test_it_keeps_the_recorded_time(start, listener: Listener, bag: Path) -> None:
     """From 0.5 s to 1.7 s at half the speed, one topic: 121 clouds, 20 ms apart; a clock runs."""
     process = start('replay', str(bag), '--speed', '0.5', '--start', '0.5', '--end', '1.7',
@@ -112,6 +115,7 @@ def test_it_keeps_the_recorded_time(start, listener: Listener, bag: Path) -> Non
     assert sorted(steps)[len(steps) // 2] == pytest.approx(5e6, rel=0.3)
 
 
+@pytest.mark.long
 def test_it_loops_until_it_is_stopped(
         start, listener: Listener, bag: Path, tmp_path: Path) -> None:
     """The stream begins again, whole, also from a bag that was cut; SIGTERM ends it quietly."""

@@ -228,6 +228,7 @@ def test_ramp_steps_exactly_once_a_drive_period(start, reader, steering):
     reader.spin(lambda: steering.get('alpha', 'alpha_rate') == [0.5, 0.0])
 
 
+@pytest.mark.long
 def test_full_speed_loses_nothing_to_a_slow_reader(start, reader):
     """With rate = 0 the simulator waits for whoever is slow."""
     start('simulator', '--ros-args', '-p', 'rate:=0.0', '-p', 'wait_for_readers:=1')

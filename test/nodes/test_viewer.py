@@ -220,6 +220,7 @@ def port() -> int:
         return int(probe.getsockname()[1])
 
 
+@pytest.mark.long
 def test_a_viewer_that_is_closed_leaves_the_node_and_the_file(
         start: Callable, tmp_path: Path, port: int) -> None:
     """The node reports it once, goes on, and ends quietly with a whole file."""

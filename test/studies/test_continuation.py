@@ -265,6 +265,7 @@ def test_rest_is_one_attractor_at_every_alpha(tmp_path):
     assert abs(place - 0.16) <= error == pytest.approx(0.002)
 
 
+@pytest.mark.long
 def test_chaos_ends_on_either_side_of_a_gap(tmp_path):
     """It has one number on both sides of a wide window, which opens where an orbit is born."""
     found = events(tmp_path, '--alpha 1.13 1.165 --columns 3 --trajectories 16 --tolerance 1e-4 '
@@ -312,11 +313,11 @@ def test_errors_of_crises_are_how_far_off_they_are():
 CRISIS = 1.2432027802
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('words, exact', [
     ('--alpha 1.2425 1.2445 --columns 3 --trajectories 32 --tolerance 1e-5 --hold 8000', CRISIS),
-    pytest.param(
-        '--alpha 0.5720 0.5726 --columns 3 --trajectories 64 --tolerance 1e-5 --hold 8000',
-        0.572286, marks=pytest.mark.long)])
+    ('--alpha 0.5720 0.5726 --columns 3 --trajectories 64 --tolerance 1e-5 --hold 8000',
+     0.572286)])
 def test_a_crisis_is_where_escapes_begin(tmp_path, words, exact):
     (_, _, alpha, error, key), = of_kind(events(tmp_path, words), 'crisis')
     assert abs(alpha - exact) <= 2.0 * error <= 5e-4

@@ -101,6 +101,7 @@ def test_manifolds_cross_where_trajectories_escape_and_not_where_they_stay(bound
     assert np.all(fates == CAPTURED)
 
 
+@pytest.mark.long
 def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
     life, fates = escapes_at(boundary, PAPER + 1e-3, 128, 40_000)
     assert not np.any((fates == CAPTURED) & (life > 300))

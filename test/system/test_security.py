@@ -117,6 +117,7 @@ def bag_of_everything(path: Path) -> None:
     writer.close()
 
 
+@pytest.mark.long
 def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
         start, domain: int, context: None, tmp_path: Path) -> None:
     """Real nodes: each uses exactly what its policy allows; TCP is on loopback, no multicast."""

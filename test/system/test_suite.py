@@ -153,7 +153,7 @@ def test_replay_gives_the_same_exponents_and_transients(run, start, rclpy_node, 
 
 
 @pytest.mark.parametrize('after', [
-    0.0, *(pytest.param(after, marks=pytest.mark.long) for after in (0.4, 1.5, 2.5)), 5.0])
+    0.0, *(pytest.param(after, marks=pytest.mark.long) for after in (0.4, 1.5, 2.5, 5.0))])
 def test_ctrl_c_at_any_time_ends_it(domain, tmp_path, after):
     """Status 0, nothing left running; what was recorded is kept."""
     process = suite('--duration', '0', '--alpha', '1.23', '--output', str(tmp_path / 'run'))
