@@ -64,6 +64,7 @@ class Tangency:
     uncertainty: float
     saddle: Saddle
     fold: float  # alpha where the captor and the saddle are born [1]
+    edge: Edge  # of the manifold, nearly there
 
 
 def carry(orbit: Orbit, alpha: float) -> Orbit:
@@ -139,7 +140,8 @@ def find_tangency(boundary: Boundary, low: float, high: float,
     missed = max(0.0, *(look(alpha, impacts=100, offset=shift / SHIFTS).distance / slope
                         for shift in range(SHIFTS)))
     uncertainty = max(abs(other - alpha), missed, abs(edge.distance) / slope, 1e-10)
-    return Tangency(alpha - missed, uncertainty, boundary.at(alpha).directions, boundary.fold)
+    return Tangency(alpha - missed, uncertainty, boundary.at(alpha).directions, boundary.fold,
+                    edge)
 
 
 def radius_of(boundary: Boundary) -> float:
