@@ -28,8 +28,8 @@ PALE: Final = 0.14
 HALO: Final = 0.45
 # Small copies: the widths to try [pixels] until the file is short enough [bytes], and colours.
 SMALL: Final = (600, 520, 440, 380)
-LONGEST: Final = 100_000
-COLOURS: Final = 48
+LONGEST: Final = 200_000
+COLOURS: Final = 256
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
