@@ -172,7 +172,7 @@ def _step(item: Any, first: bool) -> Step:
 
 def _check(known: Mapping[str, Number]) -> None:
     """Raise ValueError where the model refuses the parameters in force."""
-    Parameters(*(float(known[name]) for name in ('alpha', 'beta', 'gamma', 'restitution')))
+    Parameters.of(known)
     Parameters(alpha=float(known['alpha_target']))
     State(0, *(float(known[f'initial_{name}']) for name in ('phase', 'displacement', 'velocity')))
     for name, (low, high) in LIMITS.items():

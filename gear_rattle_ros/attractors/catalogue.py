@@ -1,6 +1,6 @@
 """The attractors at given parameters: what is known of each, and how states are labelled."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 import dataclasses
 import enum
 import functools
@@ -76,27 +76,16 @@ class Attractor:
     settled: int = 0  #: Random initial conditions that have settled on it.
     share: float = 0.0  #: Their part of all [1].
     share_error: float = 0.0  #: Standard error of a binomial share [1].
-    impacts: int = 0  #: Impacts in a period; 0 off an orbit.
-    drive_periods: int = 0  #: Drive periods in a period; 0 off an orbit.
-    #: Eigenvalues of the tangent over a period; nan off an orbit.
-    multipliers: Sequence[complex] | npt.NDArray[np.complex128] = (math.nan, math.nan)
-    exponents: tuple[float, float] = (math.nan, math.nan)  #: Per impact [1]; nan at rest.
-    #: Standard errors of the exponents [1]; those of an orbit are exact.
-    errors: tuple[float, float] = (math.nan, math.nan)
-    exact_sum: float = math.nan  #: What the exponents must add up to [1].
 
-    @classmethod
-    def of(cls, found: Orbit | ChaoticSet, label: int) -> 'Attractor':
-        """Describe the orbit or the chaotic set of a label."""
-        if isinstance(found, Orbit):
-            return cls(found.key, Kind.PERIODIC, label, found, impacts=found.impacts,
-                       drive_periods=found.drive_periods, multipliers=found.multipliers,
-                       exponents=found.exponents, errors=(0.0, 0.0), exact_sum=found.exact_sum)
-        report = found.exponents
-        return cls(found.key, Kind.CHAOTIC, label, chaos=found,
-                   exponents=(report.lambda_1, report.lambda_2),
-                   errors=(report.lambda_1_error, report.lambda_2_error),
-                   exact_sum=report.exact_sum)
+    @property
+    def impacts(self) -> int:
+        """Impacts in a period; 0 off an orbit."""
+        return self.orbit.impacts if self.orbit else 0
+
+    @property
+    def drive_periods(self) -> int:
+        """Drive periods in a period; 0 off an orbit."""
+        return self.orbit.drive_periods if self.orbit else 0
 
     @property
     def pieces(self) -> int:
@@ -105,6 +94,32 @@ class Attractor:
             upper = int(np.count_nonzero(self.orbit.walls == 0))
             return upper or self.orbit.impacts
         return self.chaos.pieces if self.chaos else 0
+
+    @property
+    def multipliers(self) -> npt.NDArray[np.complex128]:
+        """Eigenvalues of the tangent over a period; nan off an orbit."""
+        return self.orbit.multipliers if self.orbit else np.full(2, complex(math.nan))
+
+    @property
+    def exponents(self) -> tuple[float, float]:
+        """Lyapunov exponents per impact [1]; nan at rest."""
+        if self.chaos:
+            return self.chaos.exponents.lambda_1, self.chaos.exponents.lambda_2
+        return self.orbit.exponents if self.orbit else (math.nan, math.nan)
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of the exponents [1]; those of an orbit are exact."""
+        if self.chaos:
+            return self.chaos.exponents.lambda_1_error, self.chaos.exponents.lambda_2_error
+        return (0.0, 0.0) if self.orbit else (math.nan, math.nan)
+
+    @property
+    def exact_sum(self) -> float:
+        """What the exponents must add up to [1]."""
+        if self.chaos:
+            return self.chaos.exponents.exact_sum
+        return self.orbit.exact_sum if self.orbit else math.nan
 
     def with_share(self, settled: int, total: int) -> 'Attractor':
         """Return it with its share of random initial conditions, and the error of that."""
@@ -130,6 +145,12 @@ class Attractor:
         speed = (row + 0.5) * self.chaos.speed / BOXES
         return np.column_stack([wall, (column + 0.5) * TWO_PI / BOXES,
                                 np.where(wall == 0, speed, -speed)])
+
+
+def others_where(is_there: Callable[[int], bool]) -> list[Attractor]:
+    """Return what is not an attractor, rest for one, where it is there by its label."""
+    return [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
+            if is_there(label)]
 
 
 TableOfArrays = dict[str, tuple[tuple[str, ...], npt.ArrayLike, Mapping[str, Any]]]
@@ -167,9 +188,10 @@ class Catalogue:
 
         The last is what has not settled, if there is any.
         """
-        found = [Attractor.of(each, label) for label, each in enumerate(self._known)]
-        found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
-                  if np.any(self.labels == label)]
+        found = [Attractor(each.key, Kind.PERIODIC, label, each) if isinstance(each, Orbit)
+                 else Attractor(each.key, Kind.CHAOTIC, label, chaos=each)
+                 for label, each in enumerate(self._known)]
+        found += others_where(lambda label: bool(np.any(self.labels == label)))
         return tuple(each.with_share(int(np.sum(self.labels == each.label)), len(self.labels))
                      for each in found)
 

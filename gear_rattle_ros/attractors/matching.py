@@ -11,7 +11,7 @@ from .catalogue import Catalogue, Kind
 from ..core.arrays import FloatArray
 from ..core.orbits.section import turn
 
-# Attractors whose points lie further apart than this are not one that has moved [1].
+# Attractors whose points are farther apart than this are different ones [1].
 FAR: Final = 0.35
 # Distances that differ by less count as equal [1].
 ALIKE: Final = 0.05

@@ -9,7 +9,8 @@ from .run import add_picture, looks_of, require_picture
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser('draw', description='Draw a dataset again, without computing it again.')
-    parser.add_argument('store', type=Path, metavar='STORE.zarr', help='a store of a tool')
+    parser.add_argument('store', type=Path, metavar='STORE.zarr',
+                        help='a store that a tool has written')
     add_picture(parser)
     given = parser.parse_args(arguments)
 

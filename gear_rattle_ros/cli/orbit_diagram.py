@@ -23,7 +23,7 @@ def _add_options(parser: Parser) -> None:
     add(parser, 'trajectories', whole(1), 32, 'trajectories at each alpha')
     # The random ones were called starts.
     parser.add_argument('--sweep', dest='sweeps', nargs='+', choices=SWEEPS, default=SWEEPS,
-                        type=lambda text: text.replace('starts', 'random'),
+                        type=lambda text: 'random' if text == 'starts' else text,
                         help='random initial conditions at each alpha, or followed up and down; '
                         'all by default')
     parser.add_argument('--draw', choices=('velocity', 'exponent', 'both'), default='both',

@@ -4,7 +4,7 @@ import dataclasses
 import enum
 import math
 import numbers
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -105,6 +105,11 @@ class Parameters:
     def model(self) -> Model:
         """Return the same numbers for kernels."""
         return Model(self.alpha, self.beta, self.gamma, self.restitution)
+
+    @classmethod
+    def of(cls, record: Any) -> 'Parameters':
+        """Return those in a record or mapping that has their names, such as an event."""
+        return cls(*(float(record[name]) for name in Model._fields))
 
     @classmethod
     def from_physical(

@@ -111,7 +111,7 @@ def name_walls(axes: Axes) -> None:
 
 
 def shrink(picture: Path, small: Path) -> None:
-    """Write the widest copy of `SMALL` with `LONGEST` bytes or fewer, in few colours."""
+    """Write the widest copy of `SMALL` with `LONGEST` bytes or fewer, in `COLOURS`."""
     with Image.open(picture) as whole:
         for width in SMALL:
             copy = whole.convert('RGB')

@@ -22,14 +22,14 @@ from .base.node import ReportingNode
 from .base.process import run_node
 from .base.scales import nice_limit
 from .. import messages
-from ..attractors.catalogue import Attractor, OTHERS
+from ..attractors.catalogue import Attractor, others_where
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.matching import follow, points_of, Trace
 from ..attractors.plane import Plane
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNSETTLED
-from ..core.model import Model, Parameters
+from ..core.model import Parameters
 from ..core.words import counted
 from ..palette import colours_of, painted
 from ..qos import LATCHED, NEWEST
@@ -197,7 +197,7 @@ class Basin(ReportingNode):
         if not len(events):
             return
         last = events[-1]
-        parameters = Parameters(*(float(last[name]) for name in Model._fields))
+        parameters = Parameters.of(last)
         before, now = self._wanted, time.monotonic()
         if before is None or parameters != before.parameters:
             self._wanted = Wanted(parameters, int(last['epoch']), cloud.header.stamp, now,
@@ -256,8 +256,7 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
     # The top row has the greatest velocity.
     pixels = painted(basins.labels, colours)[::-1, :, :3]
     found = [each for each in basins.catalogue.attractors if each.label >= 0]
-    found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
-              if np.any(basins.labels == label)]
+    found += others_where(lambda label: bool(np.any(basins.labels == label)))
     found = [dataclasses.replace(each, share=basins.share(each.label)) for each in found]
     parts = [np.zeros(0, POINT)]
     for each, (places, _) in zip(found, points_of(basins.catalogue), strict=False):

@@ -53,7 +53,7 @@ class Simulator(ReportingNode):
         self._awaited = int(values['wait_for_readers'])
         began = time.monotonic()
         self._simulation = Simulation(
-            _model(values), self._initial(values), noise=self.number('noise'),
+            Parameters.of(values), self._initial(values), noise=self.number('noise'),
             seed=int(values['seed']))
         # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
@@ -211,7 +211,7 @@ class Simulator(ReportingNode):
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
-            _model(dataclasses.asdict(self._simulation.parameters) | values)
+            Parameters.of(dataclasses.asdict(self._simulation.parameters) | values)
         self._initial(values)
 
     def _initial(self, values: Mapping[str, Value]) -> State:
@@ -258,10 +258,6 @@ class Simulator(ReportingNode):
         response.success, response.message = True, message
         self.get_logger().info(message)
         return response
-
-
-def _model(values: Mapping[str, Value]) -> Parameters:
-    return Parameters(**{name: float(values[name]) for name in Model._fields})
 
 
 def _words(parameters: Parameters) -> str:

@@ -7,7 +7,7 @@ from typing import Any, Final, Unpack
 import numpy as np
 
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Attractor, Catalogue, OTHERS, table_of
+from ..attractors.catalogue import Catalogue, others_where, table_of
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.listing import COLUMNS, listed
 from ..attractors.plane import Plane
@@ -54,21 +54,15 @@ def attractors(parameters: Parameters, plane: Plane | None = None, *,
 def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str = '') -> str:
     """Put the attractors of a dataset in words, with the cells of a grid by label."""
     # What is known `beside` them follows; where areas are preserved, one line is all.
-    if conserves_areas(parameters_of(dataset)):
+    if conserves_areas(Parameters.of(dataset.attrs)):
         return CONSERVES
     # A grid may reach rest that no random initial condition did.
     known = dataset['attractor_label'].values
     others = table_of(tuple(
-        Attractor(key, kind, label).with_share(0, dataset.attrs['random_initial_conditions'])
-        for label, (key, kind) in OTHERS.items()
-        if label in (cells or {}) and label not in known))
+        each.with_share(0, dataset.attrs['random_initial_conditions'])
+        for each in others_where(lambda label: label in (cells or {}) and label not in known)))
     columns = {name: [*dataset[name].values, *np.asarray(others[name][1])] for name in COLUMNS}
     return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
-
-
-def parameters_of(dataset: Arrays) -> Parameters:
-    return Parameters(**{field.name: dataset.attrs[field.name]
-                         for field in dataclasses.fields(Parameters)})
 
 
 def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) -> dict[str, Any]:

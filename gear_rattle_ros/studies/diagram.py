@@ -32,6 +32,13 @@ NOTHING: Final = {'count': 0, 'key': '', 'share': 0.0, 'kind': -1, 'period_impac
                   'period_drive': 0}
 
 
+def in_order(sweeps: tuple[str, ...]) -> tuple[str, ...]:
+    """Return sweeps in the order of `SWEEPS`, each once; ValueError for none or any other."""
+    if not sweeps or not {*sweeps} <= {*SWEEPS}:
+        raise ValueError(f'sweeps = {sweeps!r} must name some of {", ".join(SWEEPS)}')
+    return tuple(name for name in SWEEPS if name in sweeps)
+
+
 @dataclasses.dataclass(frozen=True)
 class Diagram:
     """What an orbit diagram is made of."""
@@ -51,8 +58,6 @@ class Diagram:
             raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
             raise ValueError(f'trajectories = {self.trajectories} is not between 1 and 100000')
-        if not self.sweeps or not {*self.sweeps} <= {*SWEEPS}:
-            raise ValueError(f'sweeps = {self.sweeps!r} must name some of {", ".join(SWEEPS)}')
 
     @property
     def values(self) -> FloatArray:

@@ -31,9 +31,9 @@ class LifetimeLaw:
 def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) -> LifetimeLaw:
     """Fit the law to four or more positive escape rates, by least squares of their logarithms."""
     # The rates of a fractal set oscillate about the law by some per cent, whatever the number of
-    # trajectories; so the errors are the largest of those of the fit, those of a jackknife
-    # that leaves out a quarter of the amplitudes at a time, and the change when only the nearer
-    # half is fitted; and the place is never known better than the nearest amplitude is near.
+    # trajectories. So the errors are the largest of those of the fit, those of a jackknife that
+    # leaves out a quarter of the amplitudes at a time, and the change when only the nearer half is
+    # fitted. That of the place is at least its distance from the nearest amplitude.
     given = np.array([alphas, rates, errors], np.float64)
     a, k, e = given[:, np.argsort(given[0])]
     if len(a) < 4 or not np.all(k > 0.0):

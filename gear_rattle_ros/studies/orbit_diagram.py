@@ -10,7 +10,7 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from .diagram import describe as laid_out, Diagram, KINDS, layout_of, SWEEPS
+from .diagram import describe as laid_out, Diagram, in_order, KINDS, layout_of, SWEEPS
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
@@ -61,8 +61,7 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
     return compute(Diagram(
         parameters, alphas, columns, plane or Plane(), trajectories, seed,
         Window(keep, *bin_window, bins, hold),
-        tuple(dict.fromkeys([*(name for name in SWEEPS if name in sweeps), *sweeps]))),
-        Work(**options))
+        in_order(sweeps)), Work(**options))
 
 
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:

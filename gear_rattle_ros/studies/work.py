@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # Its import takes long.
 Dataset: TypeAlias = 'xarray.Dataset'
-# From what words are made.
+# What `describe` of a study puts in words.
 Arrays: TypeAlias = 'Store | xarray.Dataset'
 # What every study takes, at the end of its parameters.
 OPTIONS: Final = '\n**options\n    As `Work` explains them.\n'

@@ -137,7 +137,7 @@ def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameter
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,
                 reach: float = REACH) -> Orbit | None:
     """Find a periodic orbit near impacts (phase, velocity) by Newton's method."""
-    # None without one from which no point is farther than `reach` [1].
+    # None where there is none, or a point would have to move farther than `reach` [1].
     walls = np.ascontiguousarray(walls, np.int64)
     seed = np.array(points, np.float64).reshape(len(walls), 2)
     x = seed.copy()

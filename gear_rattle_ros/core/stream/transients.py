@@ -13,7 +13,7 @@ from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
 from ..flight.closed_form import elapsed, LOWER, model_of, NO_WALL, release_delay, rests, UPPER
 from ..flight.elementary import TWO_PI
-from ..model import EventArray, EventKind, Model, Parameters
+from ..model import EventArray, EventKind, Parameters
 from ..orbits.orbit import close_orbit, Orbit
 from ..orbits.section import distance, distances, turn
 from ..words import counted
@@ -463,7 +463,7 @@ class TransientDetector:
         # The orbit that the last impacts are on, and its impacts, the last one last.
         assert self._last is not None
         event = self._last[0]
-        parameters = Parameters(*(float(event[name]) for name in Model._fields))
+        parameters = Parameters.of(event)
         impacts = past[-period:].copy()
         turns = round(float(np.sum(impacts['flight_time'])) / TWO_PI)
         is_kicked = bool(np.any(past['kicked']))
