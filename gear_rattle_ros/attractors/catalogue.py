@@ -109,14 +109,14 @@ class Attractor:
 
     @property
     def errors(self) -> tuple[float, float]:
-        """Standard errors of the exponents [1]; those of an orbit are exact."""
+        """Return standard errors of the exponents [1]; those of an orbit are exact."""
         if self.chaos:
             return self.chaos.exponents.lambda_1_error, self.chaos.exponents.lambda_2_error
         return (0.0, 0.0) if self.orbit else (math.nan, math.nan)
 
     @property
     def exact_sum(self) -> float:
-        """What the exponents must add up to [1]."""
+        """Return what the exponents must add up to [1]."""
         if self.chaos:
             return self.chaos.exponents.exact_sum
         return self.orbit.exact_sum if self.orbit else math.nan
