@@ -18,7 +18,7 @@ from .core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNSETTLED
 # Those that are faint on white come last.
 HUES: Final = ('#164d95', '#c9280c', '#64b167', '#826cfe', '#e8a010', '#1eb0e1', '#3b673d',
                '#6e0f03', '#47144e', '#260f8f', '#06f4a7', '#80ed5c')
-BLUE, ORANGE, GREEN, PURPLE, AMBER, SKY = HUES[:6]
+BLUE, RED, GREEN, PURPLE, AMBER, SKY = HUES[:6]
 # Labels that are not attractors.
 ENDS: Final = {UNSETTLED: '#b0b0b0', RESTS_UPPER: '#424242', RESTS_LOWER: '#777777',
                FLOATING: '#141414'}

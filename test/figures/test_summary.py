@@ -16,7 +16,7 @@ from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.figures import summary
 from gear_rattle_ros.figures.digest import Digest, digest_of, gathered, in_words, POINT, Thinned
 from gear_rattle_ros.figures.summary import draw
-from gear_rattle_ros.palette import BLUE, GREEN, GREY, ORANGE, PURPLE
+from gear_rattle_ros.palette import BLUE, GREEN, GREY, PURPLE, RED
 
 
 def story(periods: int = 600, alpha: float = 1.244) -> list[EventArray]:
@@ -140,10 +140,10 @@ def test_picture_has_its_size_and_every_part_is_drawn(picture: np.ndarray) -> No
     assert count(section, low) > 100 and count(section, high) > 100
     velocity, exponents, motion = right[50:230], right[470:710], right[810:960]
     assert count(velocity, low) > 300 and count(velocity, high) > 300
-    for colour in (BLUE, GREEN, PURPLE, ORANGE, GREY):
+    for colour in (BLUE, GREEN, PURPLE, RED, GREY):
         assert count(exponents, colour) > 50
-    assert count(motion, BLUE) > 500 and count(motion, ORANGE) > 1000
-    assert count(right[290:420], ORANGE) > 500
+    assert count(motion, BLUE) > 500 and count(motion, RED) > 1000
+    assert count(right[290:420], RED) > 500
     words = picture[830:, 60:730]
     assert (words.min(axis=2) < 100).sum() > 300
 

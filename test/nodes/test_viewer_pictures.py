@@ -27,7 +27,7 @@ from gear_rattle_ros.nodes.viewer.basin import BasinInput
 from gear_rattle_ros.nodes.viewer.recent import Recent
 from gear_rattle_ros.nodes.viewer.scene import Scene
 from gear_rattle_ros.nodes.viewer.sinks import file_recording
-from gear_rattle_ros.palette import AMBER, BLUE, ORANGE, PURPLE, rgb, SKY
+from gear_rattle_ros.palette import AMBER, BLUE, PURPLE, RED, rgb, SKY
 
 pytestmark = pytest.mark.long
 WIDTH, HEIGHT = 1280, 720
@@ -192,7 +192,7 @@ def like(pixels: Pixels, colour: str, tolerance: int = 60) -> np.ndarray:
 
 
 def hued(pixels: Pixels) -> np.ndarray:
-    """Distinguish blue (1), orange (2) and other (0) pixels."""
+    """Distinguish blue (1), red (2) and other (0) pixels."""
     red, blue = pixels[..., 0], pixels[..., 2]
     return np.where(blue > red + 40, 1, np.where(red > blue + 40, 2, 0))
 
@@ -200,7 +200,7 @@ def hued(pixels: Pixels) -> np.ndarray:
 def settled(pixels: Pixels) -> Pixels:
     """Return pixels that show section and plots; fail while they are not drawn, or covered."""
     assert np.mean(hued(part(pixels, SECTION)) > 0) > 0.4
-    assert like(part(pixels, ALPHA), ORANGE).sum() > 300
+    assert like(part(pixels, ALPHA), RED).sum() > 300
     assert len(walls_of(pixels))
     return pixels
 
@@ -220,7 +220,7 @@ def check(pixels: Pixels, basins: Basins) -> None:
     columns = np.flatnonzero(np.mean(hues > 0, axis=0) > 0.4)
     top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
     assert right - left > 400 and bottom - top > 250
-    # The first attractor is blue, the second orange; cells whose neighbours are the same.
+    # The first attractor is blue, the second red; cells whose neighbours are the same.
     same, looked = [], 0
     for row in range(2, 198, 7):
         for column in range(2, 198, 7):
@@ -249,9 +249,9 @@ def check(pixels: Pixels, basins: Basins) -> None:
     assert like(part(pixels, VELOCITY), BLUE).sum() > 1000
     exponents = part(pixels, EXPONENTS)
     assert like(exponents, PURPLE).sum() + like(exponents, BLUE).sum() > 150
-    assert like(exponents, ORANGE).sum() > 150
+    assert like(exponents, RED).sum() > 150
     # Alpha falls once: the line is higher at the left than at the right.
-    alpha = like(part(pixels, ALPHA), ORANGE)
+    alpha = like(part(pixels, ALPHA), RED)
     heights = [np.mean(np.flatnonzero(alpha[:, slot].any(axis=1)))
                for slot in (slice(60, 150), slice(-150, -60))]
     assert heights[0] < heights[1] - 10

@@ -111,7 +111,7 @@ def blueprint(colour: str) -> rrb.Blueprint:
         start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
     exponents = rrb.TimeSeriesView(
         origin='/exponents', axis_x=whole, **bare,
-        name='Exponents: λ1 ± error blue, finite-time green, λ2 purple, sum orange, exact grey')
+        name='Exponents: λ1 ± error blue, finite-time green, λ2 purple, sum red, exact grey')
     alpha = rrb.TimeSeriesView(origin='/alpha', axis_x=whole, name='Alpha', **bare)
     state = rrb.TextDocumentView(origin='/state', name='State')
     log = rrb.TextLogView(origin='/log', name='Changes', columns=rrb.TextLogColumns(

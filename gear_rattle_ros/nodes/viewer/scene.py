@@ -16,7 +16,7 @@ from ..base.scales import nice_limit
 from ...core.arrays import FloatArray
 from ...core.stream.counters import Place
 from ...core.stream.reconstruction import rebuild
-from ...palette import BLUE, GREEN, ORANGE, PURPLE, rgba
+from ...palette import BLUE, GREEN, PURPLE, RED, rgba
 
 # Most impacts drawn each time, the newest in a row; older ones are thinned out.
 DRAWN_MOST: Final = 800
@@ -39,7 +39,7 @@ EXPONENTS: Final = (
     ('λ1', 'lambda_1', rgba(BLUE), 2.5), ('λ1 + error', '', rgba(BLUE, 0x80), 1.0),
     ('λ1 − error', '', rgba(BLUE, 0x80), 1.0),
     ('λ1 finite-time', 'lambda_1_finite', rgba(GREEN, 0xB0), 1.0),
-    ('λ2', 'lambda_2', rgba(PURPLE), 1.5), ('λ1 + λ2', 'sum', rgba(ORANGE), 4.0),
+    ('λ2', 'lambda_2', rgba(PURPLE), 1.5), ('λ1 + λ2', 'sum', rgba(RED), 4.0),
     ('exact sum', 'exact_sum', 0x808080FF, 1.0), ('zero', '', 0x808080C0, 1.0))
 
 Columns: TypeAlias = Sequence[rr.ComponentColumn] | rr.ComponentColumnList
@@ -70,7 +70,7 @@ class Scene:
         labels, _, colours, widths = zip(*EXPONENTS, strict=True)
         recording.log('exponents', rr.SeriesLines(
             colors=colours, names=labels, widths=widths), static=True)
-        recording.log('alpha', rr.SeriesLines(colors=rgba(ORANGE), names='alpha', widths=2.0,
+        recording.log('alpha', rr.SeriesLines(colors=rgba(RED), names='alpha', widths=2.0,
                                               interpolation_mode='StepAfter'), static=True)
 
     def is_due(self, time: float) -> bool:
