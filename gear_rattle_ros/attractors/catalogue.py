@@ -84,6 +84,7 @@ class Attractor:
     #: Standard errors of the exponents [1]; those of an orbit are exact.
     errors: tuple[float, float] = (math.nan, math.nan)
     exact_sum: float = math.nan  #: What the exponents must add up to [1].
+    letter: str = ''  #: In the paper, at its parameters.
 
     @classmethod
     def of(cls, found: Orbit | ChaoticSet, label: int) -> 'Attractor':
@@ -146,7 +147,7 @@ class Catalogue:
     `orbits` and then `chaotic` attractors, in the order of their keys, have the labels 0, 1, ...;
     the last are those of `late`, orbits found after the search in the order in which they were
     found. `labels` and `states` are those of the random initial conditions of the search: where
-    each was when it had settled, or was given up.
+    each was when it had settled, or was given up. `letters` are those of the paper, by label.
     """
 
     parameters: Parameters
@@ -159,6 +160,7 @@ class Catalogue:
         default_factory=lambda: np.zeros(0, np.int64))
     states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, INITIAL))
     late: tuple[Orbit, ...] = ()
+    letters: Mapping[int, str] = dataclasses.field(default_factory=dict)
 
     @functools.cached_property
     def attractors(self) -> tuple[Attractor, ...]:
@@ -170,8 +172,9 @@ class Catalogue:
         found = [Attractor.of(each, label) for label, each in enumerate(self._known)]
         found += [Attractor(key, kind, label) for label, (key, kind) in OTHERS.items()
                   if np.any(self.labels == label)]
-        return tuple(each.with_share(int(np.sum(self.labels == each.label)), len(self.labels))
-                     for each in found)
+        return tuple(dataclasses.replace(
+            each.with_share(int(np.sum(self.labels == each.label)), len(self.labels)),
+            letter=self.letters.get(each.label, '')) for each in found)
 
     @property
     def _known(self) -> tuple[Orbit | ChaoticSet, ...]:
@@ -252,6 +255,8 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
             ('share_error', 'standard error of the share'))),
         ('attractor_key', np.array([each.key for each in attractors]), 'name of the attractor',
          ''),
+        ('attractor_letter', np.array([each.letter for each in attractors]),
+         'letter of the attractor in the paper, empty for none', ''),
         ('attractor_kind', np.array([each.kind.value for each in attractors]),
          'periodic, chaotic, resting, floating or unsettled', ''),
         ('attractor_multiplier_real', multipliers.real, 'multipliers of a period, real part', '1'),

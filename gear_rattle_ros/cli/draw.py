@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .refusal import attempt, Parser
-from .run import add_picture, looks_of, require_picture
+from .run import add_picture, add_views, looks_of, require_picture
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser('draw', description='Draw a dataset again, without computing it again.')
     parser.add_argument('store', type=Path, metavar='STORE.zarr', help='a store of a tool')
     add_picture(parser)
+    add_views(parser)
     given = parser.parse_args(arguments)
 
     def action() -> int:

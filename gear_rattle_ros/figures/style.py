@@ -26,10 +26,9 @@ PAPER: Final = ('#bfbfbf', '#000000', '#7f7f7f', '#dfdfdf', '#3f3f3f')
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.
 HALO: Final = 0.45
-# Small copies: the widths to try [pixels] until the file is short enough [bytes], and colours.
-SMALL: Final = (600, 520, 440, 380)
-LONGEST: Final = 100_000
-COLOURS: Final = 48
+# Edge of a grid in a picture, about, and margins of its axes [pixels].
+EDGE: Final = 800
+LEFT, RIGHT, BOTTOM, TOP = 90, 30, 66, 64
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
@@ -42,9 +41,10 @@ class Looks:
     dpi: float | None = None
     # A colour map of matplotlib, or 'paper': the greys of the paper.
     colours: str | None = None
-    # An orbit diagram has a raster of velocities and the exponents.
-    raster: bool = True
-    exponent: bool = True
+    # What is drawn, where a dataset has several pictures.
+    draw: str | None = None
+    # Amplitudes, or the window of a magnification: two phases and two velocities.
+    mark: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.dpi is not None and not 10.0 <= self.dpi <= 2400.0:
@@ -66,6 +66,10 @@ class Looks:
         colours = colormaps[self.colours]
         return to_hex(colours(number % colours.N if colours.N < 64 else
                               number * math.tau % 1.0))
+
+    def ink(self, number: int) -> str:
+        """Return the colour of thin lines and points of an attractor: black in the paper."""
+        return PAPER[1] if self.is_paper else self.hue(number)
 
     def scale(self, usual: str) -> Colormap:
         """Return the colour map of a quantity."""
@@ -110,15 +114,21 @@ def name_walls(axes: Axes) -> None:
         axes.text(0.01, y, f'{wall} wall', transform=axes.transAxes, va=side, color=GREY)
 
 
-def shrink(picture: Path, small: Path) -> None:
-    """Write the widest copy of `SMALL` with `LONGEST` bytes or fewer, in few colours."""
+def pack(picture: Path, packed: Path) -> None:
+    """Copy a picture, every pixel as it is, into fewer bytes: by a palette where one is enough."""
     with Image.open(picture) as whole:
-        for width in SMALL:
-            copy = whole.convert('RGB')
-            copy.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
-            copy.quantize(COLOURS).save(small, optimize=True)
-            if small.stat().st_size <= LONGEST:
-                break
+        pixels = np.asarray(whole.convert('RGB'))
+    colours, places = np.unique(pixels.reshape(-1, 3), axis=0, return_inverse=True)
+    copy = Image.fromarray(pixels)
+    if len(colours) <= 256:
+        copy = Image.fromarray(places.reshape(pixels.shape[:2]).astype(np.uint8), 'P')
+        copy.putpalette(colours.tobytes())
+    copy.save(packed, optimize=True)
+
+
+def scaled(cells: int, edge: int = EDGE) -> int:
+    """Return the length of an edge [pixels] on which a cell is a whole number of pixels."""
+    return cells * max(1, round(edge / cells))
 
 
 def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None:
