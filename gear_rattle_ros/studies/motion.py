@@ -6,7 +6,7 @@ import numpy as np
 
 from .attractors import identity_of, require_tolerance
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Attractor, Catalogue
+from ..attractors.catalogue import Attractor, Catalogue, Kind
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import initial_condition, Plane
@@ -104,11 +104,12 @@ def describe(dataset: Arrays) -> str:
 
 def choose(catalogue: Catalogue, name: str) -> Attractor:
     """Return the attractor with a key or letter, by default the one that is reached most often."""
-    known = [each for each in catalogue.attractors if each.settled or each.label >= 0]
+    known = [each for each in catalogue.attractors if each.kind is not Kind.UNSETTLED]
     found = [each for each in known if not name or name in (each.key, each.letter)]
     if not found:
         there = ', '.join(' '.join(filter(None, (each.letter, each.key))) for each in known)
-        raise ValueError(f'no attractor {name} at these parameters; there are {there or "none"}')
+        raise ValueError(f'no attractor {name or "was reached"} at these parameters; there are '
+                         f'{there or "none"}')
     return max(found, key=lambda each: each.settled)
 
 

@@ -69,8 +69,16 @@ def test_an_initial_condition_is_where_it_begins() -> None:
     assert later['tau'].values[0] == dataset['impact_tau'].values[2]
 
 
+def test_a_gear_at_rest_does_not_move() -> None:
+    """A weak drive presses it against the upper wall for good: neither motion nor impacts."""
+    dataset = motion(Parameters(alpha=0.05), attractor='rest-upper', periods=2, **FEW)
+    assert not np.any(dataset['displacement']) and not np.any(dataset['velocity'])
+    assert dataset['impact_tau'].size == 0
+
+
 @pytest.mark.parametrize(('words', 'named'), [
     ('--attractor C', 'no attractor C at these parameters; there are B orbit-2-1-'),
+    ('--restitution 1 --beta 0', 'no attractor was reached at these parameters; there are none'),
     ('--attractor A --initial 0 0 0', 'exclude each other'),
     ('--initial 0 0 0.5', 'displacement = 0.5 is outside')])
 def test_bad_input_is_refused_in_one_line(words: str, named: str, tmp_path, capsys) -> None:
