@@ -29,8 +29,8 @@ MOST: Final = 2000
 # Rows of a legend below the axes, their height, and room for a scale beside them [pixels].
 ROWS: Final = 8
 ROW, BAR = 22, 110
-# Steps of the scale of lifetimes: with those of letters all fit into a palette.
-STEPS: Final = 128
+# Steps of the scale of lifetimes, few enough for a small file.
+STEPS: Final = 64
 
 
 def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
