@@ -15,7 +15,7 @@ import numpy as np
 
 from .catalogue import Catalogue
 from ..core.defaults import BETA, GAMMA, RESTITUTION
-from ..core.many.recorded import record_impacts, starts_after
+from ..core.many.recorded import record_impacts, initial_after
 from ..core.model import Parameters
 from ..core.orbits.orbit import close_near, close_orbit, fire, Orbit, same_orbit
 
@@ -95,7 +95,7 @@ def _followed(founder: Founder, parameters: Parameters) -> Orbit | None:
 def _after(founder: Founder, steps: int) -> Orbit | None:
     parameters = Parameters(founder.alpha + steps * STEP, BETA, GAMMA, RESTITUTION)
     if not steps:
-        (row,), _ = record_impacts(starts_after(
+        (row,), _ = record_impacts(initial_after(
             parameters, np.array([founder.phase]), np.array([founder.velocity])), 0,
             founder.impacts)
         return close_near(parameters, row)
@@ -113,5 +113,5 @@ def _descendant(orbit: Orbit, catalogue: Catalogue) -> int | None:
     # Once round and round again: what is between has its image on either side.
     sides = NUDGE * np.abs(orbit.multipliers[0])**np.linspace(0.0, 2.0, SAMPLES, endpoint=False)
     points = orbit.points[0] + sides[:, None] * ahead
-    labels = catalogue.label(starts_after(orbit.parameters, *points.T), threads=1)['label']
+    labels = catalogue.label(initial_after(orbit.parameters, *points.T), threads=1)['label']
     return int(labels[0]) if np.all(labels == labels[0]) else None

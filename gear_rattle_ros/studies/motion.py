@@ -13,7 +13,7 @@ from ..attractors.plane import initial_condition, Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.simulation import Simulation
-from ..core.many.recorded import starts_after
+from ..core.many.recorded import initial_after
 from ..core.many.settling import RecordArray
 from ..core.model import EventArray, EventKind, Parameters, State, Wall
 from ..core.stream.reconstruction import drive_phases, rebuild
@@ -115,7 +115,7 @@ def choose(catalogue: Catalogue, name: str) -> Attractor:
 
 def _state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
     if chosen.orbit and chosen.orbit.sticks < 0:
-        return starts_after(catalogue.parameters, chosen.orbit.phases[:1],
+        return initial_after(catalogue.parameters, chosen.orbit.phases[:1],
                             chosen.orbit.velocities[:1])
     return catalogue.states[catalogue.labels == chosen.label][:1]
 
