@@ -15,7 +15,7 @@ import numpy as np
 
 from .catalogue import Catalogue
 from ..core.defaults import BETA, GAMMA, RESTITUTION
-from ..core.many.recorded import record_impacts, initial_after
+from ..core.many.recorded import initial_after, record_impacts
 from ..core.model import Parameters
 from ..core.orbits.orbit import close_near, close_orbit, fire, Orbit, same_orbit
 

@@ -116,7 +116,7 @@ def choose(catalogue: Catalogue, name: str) -> Attractor:
 def _state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
     if chosen.orbit and chosen.orbit.sticks < 0:
         return initial_after(catalogue.parameters, chosen.orbit.phases[:1],
-                            chosen.orbit.velocities[:1])
+                             chosen.orbit.velocities[:1])
     return catalogue.states[catalogue.labels == chosen.label][:1]
 
 
