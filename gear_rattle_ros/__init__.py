@@ -30,14 +30,15 @@ if TYPE_CHECKING:
     from .studies.crisis import crisis as crisis
     from .studies.exponents import exponents as exponents
     from .studies.lifetimes import lifetimes as lifetimes
+    from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.section import section as section
 
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EventKind', 'Parameters', 'Plane', 'RunningLyapunov',
     'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
-    'draw', 'exponents', 'find_attractors', 'lifetimes', 'open_dataset', 'orbit_diagram',
-    'read_bag', 'rebuild', 'save', 'section', '__version__',
+    'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion', 'open_dataset',
+    'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -52,7 +53,8 @@ MODULES = {
     'figures.draw': ['draw', 'save'],
     'store.store': ['open_dataset'],
     **{f'studies.{name}': [name] for name in (
-        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'orbit_diagram', 'section')},
+        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion', 'orbit_diagram',
+        'section')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

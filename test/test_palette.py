@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
-from gear_rattle_ros.attractors.matching import follow, points_of
+from gear_rattle_ros.attractors.letters import numbers_of
+from gear_rattle_ros.attractors.matching import recognise
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters
@@ -58,13 +59,15 @@ def test_lab_is_that_of_the_books():
 
 
 def test_an_attractor_has_one_colour_in_all_pictures():
-    """By its number, which is that of the store; explorer and basin node begin with it, too."""
+    """By its letter in the paper; explorer and basin node begin with it, too."""
     parameters = Parameters(alpha=0.5)
     catalogue = find_attractors(parameters, Plane().draw(parameters, 100, 1), hold=2000)
     attractors = catalogue.attractors
     assert [each.label for each in attractors] == list(range(len(attractors))) != [0]
-    colours = colours_of(range(len(attractors)))
-    assert colours_of(follow((), points_of(catalogue))[1]) == colours
+    numbers = numbers_of(range(len(attractors)), catalogue.letters)
+    assert {each.letter: numbers[each.label] for each in attractors} == {'A': 0, 'B': 1, 'C': 2}
+    colours = colours_of(list(numbers.values()))
+    assert colours_of(recognise((), catalogue)[1]) == colours
     plane = Plane(phases=20, velocities=20)
     grid = basins(parameters, plane, initial_conditions=100, hold=2000, cap=300)
     picture = draw(grid).axes[0].images[0].get_array()
@@ -72,7 +75,8 @@ def test_an_attractor_has_one_colour_in_all_pictures():
         assert tuple(shown[:3]) == rgb(ENDS[UNSETTLED] if label == UNSETTLED else colours[label])
     section = draw(dataset_of(parameters, initial_conditions=100, hold=2000))
     for collection in section.axes[0].collections:
-        label = int(collection.get_label().split()[0])
+        letter = collection.get_label().split()[0]
+        label = next(each.label for each in attractors if each.letter == letter)
         assert np.allclose(collection.get_facecolor()[0, :3] * 255.0, rgb(colours[label]))
 
 

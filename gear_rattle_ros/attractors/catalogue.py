@@ -76,6 +76,7 @@ class Attractor:
     settled: int = 0  #: Random initial conditions that have settled on it.
     share: float = 0.0  #: Their part of all [1].
     share_error: float = 0.0  #: Standard error of a binomial share [1].
+    letter: str = ''  #: In the paper, at its parameters.
 
     @property
     def impacts(self) -> int:
@@ -167,7 +168,7 @@ class Catalogue:
     `orbits` and then `chaotic` attractors, in the order of their keys, have the labels 0, 1, ...;
     the last are those of `late`, orbits found after the search in the order in which they were
     found. `labels` and `states` are those of the random initial conditions of the search: where
-    each was when it had settled, or was given up.
+    each was when it had settled, or was given up. `letters` are those of the paper, by label.
     """
 
     parameters: Parameters
@@ -180,6 +181,7 @@ class Catalogue:
         default_factory=lambda: np.zeros(0, np.int64))
     states: RecordArray = dataclasses.field(default_factory=lambda: np.zeros(0, INITIAL))
     late: tuple[Orbit, ...] = ()
+    letters: Mapping[int, str] = dataclasses.field(default_factory=dict)
 
     @functools.cached_property
     def attractors(self) -> tuple[Attractor, ...]:
@@ -192,8 +194,9 @@ class Catalogue:
                  else Attractor(each.key, Kind.CHAOTIC, label, chaos=each)
                  for label, each in enumerate(self._known)]
         found += others_where(lambda label: bool(np.any(self.labels == label)))
-        return tuple(each.with_share(int(np.sum(self.labels == each.label)), len(self.labels))
-                     for each in found)
+        return tuple(dataclasses.replace(
+            each.with_share(int(np.sum(self.labels == each.label)), len(self.labels)),
+            letter=self.letters.get(each.label, '')) for each in found)
 
     @property
     def _known(self) -> tuple[Orbit | ChaoticSet, ...]:
@@ -274,6 +277,8 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
             ('share_error', 'standard error of the share'))),
         ('attractor_key', np.array([each.key for each in attractors]), 'name of the attractor',
          ''),
+        ('attractor_letter', np.array([each.letter for each in attractors]),
+         'letter of the attractor in the paper, empty for none', ''),
         ('attractor_kind', np.array([each.kind.value for each in attractors]),
          'periodic, chaotic, resting, floating or unsettled', ''),
         ('attractor_multiplier_real', multipliers.real, 'multipliers of a period, real part', '1'),

@@ -17,6 +17,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from .catalogue import BATCH, Catalogue, go_on, moved
+from .letters import with_letters
 from .plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.lanes_step import LANES
@@ -103,7 +104,7 @@ def find_attractors(parameters: Parameters, initial: RecordArray | None = None, 
             break
         search.follow_to(search.followed + effort.stages[1][0])
     search.follow_to(hold)
-    return search.known
+    return with_letters(search.known)
 
 
 class _Search:

@@ -13,8 +13,8 @@ def named(long_name: str, units: str | None = '1') -> dict[str, str]:
 
 # What a table needs of a dataset.
 COLUMNS: Final = tuple(f'attractor_{name}' for name in (
-    'label', 'key', 'kind', 'share', 'share_error', 'impacts', 'drive_periods', 'multiplier_real',
-    'multiplier_imaginary', 'pieces', 'exponent', 'exponent_error'))
+    'label', 'letter', 'key', 'kind', 'share', 'share_error', 'impacts', 'drive_periods',
+    'multiplier_real', 'multiplier_imaginary', 'pieces', 'exponent', 'exponent_error'))
 
 
 def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None) -> str:
@@ -22,7 +22,7 @@ def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | Non
     # `columns` are the arrays of `table_of`, by name; `hold` is the number of impacts after which
     # what has not settled is unsettled, and `cells` counts the cells of a grid by label.
     headings = [' label', 'key', 'kind', ' random initial conditions [%]', 'period or exponents']
-    rows = []
+    has_letters, rows = any(columns['attractor_letter']), []
     for k, label in enumerate(columns['attractor_label']):
         one = {name.removeprefix('attractor_'): values[k] for name, values in columns.items()
                if name.startswith('attractor_')}
@@ -31,9 +31,13 @@ def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | Non
                _detail(one, hold)]
         if cells is not None:
             row.insert(3, f'{100.0 * cells.get(int(label), 0) / sum(cells.values()):.3f}')
+        if has_letters:
+            row.insert(1, str(one['letter']))
         rows.append(row)
     if cells is not None:
         headings.insert(3, ' grid [%]')
+    if has_letters:
+        headings.insert(1, 'letter')
     return in_columns(headings, rows)
 
 

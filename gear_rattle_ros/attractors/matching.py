@@ -1,5 +1,6 @@
 """Attractors matched from one value of a parameter to the next, so that each keeps its number."""
 
+from collections.abc import Mapping
 import dataclasses
 import itertools
 import math
@@ -8,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from .catalogue import Catalogue, Kind
+from .letters import LETTERS, numbers_of
 from ..core.arrays import FloatArray
 from ..core.orbits.section import turn
 
@@ -45,18 +47,20 @@ def distance(first: FloatArray, second: FloatArray) -> float:
 
 
 def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
-           is_complete: bool = True, fresh: int = 0) -> tuple[tuple[Trace, ...], tuple[int, ...]]:
+           is_complete: bool = True, fresh: int = 0, lettered: Mapping[int, int] | None = None
+           ) -> tuple[tuple[Trace, ...], tuple[int, ...]]:
     """Give every attractor the number of the one that it was at the parameters before."""
     # The nearest pairs are matched first; the number of one that has vanished is free for the
     # next. Where the search was not `is_complete`, the numbers of chaotic attractors are kept; a
-    # new one has at least the number `fresh`. Returns what is known from now on, and every number.
+    # new one has at least the number `fresh`; `lettered` are the numbers of those with a letter,
+    # by place. Returns what is known from now on, and every number.
     pairs = sorted(
         ((distance(points, trace.points), place, before)
          for place, (points, _) in enumerate(found) for before, trace in enumerate(known)),
         # Among those that are about as near the first goes on.
         key=lambda pair: (math.ceil(min(pair[0], FAR + 1.0) / ALIKE), pair[2], pair[0], pair[1]))
-    hues: dict[int, int] = {}
-    matched: set[int] = set()
+    hues = dict(lettered or {})
+    matched = {before for before, trace in enumerate(known) if trace.hue in hues.values()}
     for apart, place, before in pairs:
         if apart <= FAR and place not in hues and before not in matched:
             hues[place] = known[before].hue
@@ -71,3 +75,11 @@ def follow(known: tuple[Trace, ...], found: list[tuple[FloatArray, bool]], *,
     traces = tuple(Trace(hues[place], points, is_chaotic)
                    for place, (points, is_chaotic) in enumerate(found))
     return (*traces, *kept), tuple(hues[place] for place in range(len(found)))
+
+
+def recognise(known: tuple[Trace, ...], catalogue: Catalogue, *, is_complete: bool = True
+              ) -> tuple[tuple[Trace, ...], tuple[int, ...]]:
+    """Give the attractors of a catalogue numbers, those of their letters where they have any."""
+    numbers = numbers_of(catalogue.letters, catalogue.letters)
+    return follow(known, points_of(catalogue), is_complete=is_complete, lettered=numbers,
+                  fresh=len(LETTERS) if numbers else 0)

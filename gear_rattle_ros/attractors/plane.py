@@ -81,6 +81,17 @@ class Plane:
         return dataclasses.replace(self, phase=windows[0], velocity=windows[1])
 
 
+def initial_condition(parameters: Parameters, phase: float, velocity: float,
+                      displacement: float) -> RecordArray:
+    """Return one initial condition, validated, as START."""
+    for name, value, low, high in (
+        ('phase', phase, -1e3, 1e3), ('displacement', displacement, -1.0, 0.0),
+        ('velocity', velocity, -VELOCITY_MAXIMUM, VELOCITY_MAXIMUM),
+    ):
+        require_finite(name, value, low, high)
+    return make_initial_conditions(parameters, np.array([phase]), displacement, velocity)
+
+
 def at_parameters(parameters: Parameters, states: RecordArray) -> RecordArray:
     """Return the initial conditions of states, at parameters of their own or at others."""
     return make_initial_conditions(parameters, *(states[name] for name in STATE))

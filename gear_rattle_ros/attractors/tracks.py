@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from .letters import LETTERS
 from .matching import follow, Trace
 from ..core.arrays import FloatArray
 
@@ -14,13 +15,16 @@ GAP_OF_CHAOS: Final = 40
 
 
 def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[np.bool_],
-          is_attractor: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+          is_attractor: npt.NDArray[np.bool_], letters: npt.NDArray[np.str_]
+          ) -> npt.NDArray[np.int64]:
     """Give the attractors of an orbit diagram numbers from 0 on, and -1 where there is none."""
     # The arrays are (sweep, alpha, slot ...). At one alpha the same key is the same attractor;
-    # `points` are wall, phase [rad] and velocity [1] of impacts, nan for fewer. The attractor that
-    # is seen over most columns comes first.
+    # `points` are wall, phase [rad] and velocity [1] of impacts, nan for fewer. One with a letter
+    # has its number; of the others the one that is seen over most columns comes first.
     numbers = np.full(keys.shape, -1, np.int64)
-    count = 0
+    first = count = len(LETTERS) if np.any(letters != '') else 0
+    for number, letter in enumerate(LETTERS):
+        numbers[letters == letter] = number
     # What rests has no impacts: its name identifies it at every alpha.
     resting = is_attractor & ~np.isfinite(points[..., 0, 0])
     for key in np.unique(keys[resting]):
@@ -32,7 +36,7 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
             # The same alpha in another sweep is surer than a neighbour.
             here = {keys[place][c][slot]: int(numbers[place, c, slot])
                     for place, slot in np.argwhere(numbers[:s, c] >= 0)}
-            for k in np.flatnonzero(is_attractor[s, c] & ~resting[s, c]):
+            for k in np.flatnonzero(is_attractor[s, c] & (numbers[s, c] < 0)):
                 numbers[s, c, k] = here.get(keys[s, c, k], -1)
             left = [int(k) for k in np.flatnonzero(is_attractor[s, c] & (numbers[s, c] < 0))]
             # Where several are near, the one that has been seen most often goes on.
@@ -47,16 +51,16 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
             for k in np.flatnonzero((numbers[s, c] >= 0) & ~resting[s, c]):
                 number = int(numbers[s, c, k])
                 seen[number] = c, Trace(number, *_of(points[s, c, k], chaotic[s, c, k]))
-    return _by_length(numbers, count)
+    return _by_length(numbers, first, count)
 
 
 def _of(points: FloatArray, is_chaotic: np.bool_) -> tuple[FloatArray, bool]:
     return points[np.isfinite(points[:, 0])], bool(is_chaotic)
 
 
-def _by_length(numbers: npt.NDArray[np.int64], count: int) -> npt.NDArray[np.int64]:
-    lengths = np.bincount(numbers[numbers >= 0], minlength=count)
-    order = np.argsort(-lengths, kind='stable')
-    renamed = np.full(count + 1, -1, np.int64)
-    renamed[order] = np.arange(count)
+def _by_length(numbers: npt.NDArray[np.int64], first: int, count: int) -> npt.NDArray[np.int64]:
+    lengths = np.bincount(numbers[numbers >= 0], minlength=count)[first:]
+    order = first + np.argsort(-lengths, kind='stable')
+    renamed = np.append(np.arange(count), -1)
+    renamed[order] = np.arange(first, count)
     return renamed[numbers]

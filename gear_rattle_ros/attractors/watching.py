@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from .catalogue import Catalogue, follow_here, moved
 from .finding import Check, find_attractors, orbits_among, STAYS
+from .letters import with_letters
 from .plane import Plane
 from .refining import FIRST_CAP, Level, refine, SEED
 from ..core.arrays import FloatArray
@@ -84,7 +85,7 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
     states = moved(initial, results)[results['label'] == UNSETTLED]
     orbits = tuple(orbits_among(parameters, states, *GLANCE[1:], TOLERANCE))
     rows, _ = record_impacts(states, 0, 64)
-    return (Catalogue(parameters, hold=skip, orbits=orbits, labels=results['label']),
+    return (with_letters(Catalogue(parameters, hold=skip, orbits=orbits, labels=results['label'])),
             float(np.max(np.abs(rows['velocity']), initial=0.0)))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .refusal import attempt, Parser
-from .run import add_picture, looks_of, require_picture
+from .run import add_picture, add_views, looks_of, require_picture
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -12,6 +12,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('store', type=Path, metavar='STORE.zarr',
                         help='a store that a tool has written')
     add_picture(parser)
+    add_views(parser)
     given = parser.parse_args(arguments)
 
     def action() -> int:

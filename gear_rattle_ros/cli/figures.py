@@ -4,12 +4,13 @@ from collections.abc import Sequence
 import contextlib
 import importlib
 import io
+import itertools
 import json
 from pathlib import Path
 import shlex
-import time
 from typing import TYPE_CHECKING
 
+from . import draw
 from .refusal import attempt, INTERRUPTED, Parser
 from .run import PACKAGE
 
@@ -19,26 +20,28 @@ if TYPE_CHECKING:
 
 def make(recipe: 'Recipe', folder: Path) -> int:
     """Make a figure; returns the exit status of the tool."""
-    from ..figures.paper import record_of
-    from ..store.making import versions
     (folder / 'data').mkdir(parents=True, exist_ok=True)
-    words = recipe.words(folder)
-    tool = importlib.import_module(f'.{words[0]}', __package__)
-    printed = io.StringIO()
-    begin = time.monotonic()
-    with contextlib.redirect_stdout(printed):
-        status = int(tool.main(words[1:]) or 0)
-    if status == 0:
-        command, seconds = shlex.join(['ros2', 'run', PACKAGE, *words]), time.monotonic() - begin
-        path = record_of(recipe, folder)
-        before = json.loads(path.read_text(encoding='utf-8')) if path.exists() else {}
-        if before.get('command') == command:
-            # It went on with the store of an earlier run.
-            seconds += before['seconds']
-        path.write_text(json.dumps({
-            'command': command, 'printed': printed.getvalue(), 'seconds': round(seconds, 1),
-            'versions': versions()}, indent=1), encoding='utf-8')
-    return status
+    store, record = recipe.data(folder, '.zarr'), recipe.data(folder, '.json')
+    words, printed = [*recipe.command], io.StringIO()
+    if recipe.drawing:
+        (folder / recipe.drawing.name).write_bytes(recipe.drawing.read_bytes())
+    else:
+        words += ['--output', str(store), '--resume']
+        tool = importlib.import_module(f'.{words[0]}', __package__)
+        with contextlib.redirect_stdout(printed):
+            status = int(tool.main(words[1:]) or 0)
+        if status:
+            return status
+        with contextlib.redirect_stdout(io.StringIO()):
+            for (name, looks), ending in itertools.product(
+                    recipe.pictures.items(), ('.png', '.pdf')):
+                status = draw.main([str(store), '--picture', str(folder / f'{name}{ending}'),
+                                    *recipe.view, *looks])
+                if status:
+                    return status
+    record.write_text(json.dumps({'command': shlex.join(['ros2', 'run', PACKAGE, *words]),
+                                  'printed': printed.getvalue()}, indent=1), encoding='utf-8')
+    return 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,14 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     parser = Parser('figures', description='Redraw the figures of de Souza & Caldas, with a page '
                     'that compares them.')
-    parser.add_argument('figures', nargs='*', metavar='NUMBER', help='such as 3 or 8a; all by '
-                        'default')
+    parser.add_argument('figures', nargs='*', metavar='NUMBER', help='such as 4, 8a or '
+                        'lifetime-law; all by default')
     parser.add_argument('--output', type=Path, default=Path('figures'), metavar='DIR',
                         help='folder of pictures, data and index.html; figures by default')
     parser.add_argument('--recipes', type=Path, metavar='DIR',
                         help='folder of recipes; those of the package by default')
     parser.add_argument('--page', type=Path, metavar='FILE.md',
-                        help='write all as a page of the documents too, with smaller pictures')
+                        help='write all as a page of the documents, too')
     given = parser.parse_args(arguments)
     from ..figures.paper import load_recipes, write_index, write_page
     from ..places import config_folder

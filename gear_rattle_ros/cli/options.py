@@ -79,6 +79,13 @@ def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 
                                 f'{size} {size} by default')
 
 
+def add_initial(parser: Parser) -> None:
+    """Add the option of a single initial condition."""
+    parser.add_argument('--initial', type=number, nargs=3,
+                        metavar=('PHASE', 'VELOCITY', 'DISPLACEMENT'),
+                        help='follow one trajectory, from this initial condition [rad, 1, 1]')
+
+
 def add_seed(parser: Parser) -> None:
     add(parser, 'seed', whole(0), defaults.SEED, 'seed of the random initial conditions')
 

@@ -1,8 +1,5 @@
 """The command `orbit_diagram`."""
 
-import argparse
-from typing import Any
-
 from . import options
 from .options import add, number, whole
 from .refusal import Parser
@@ -26,16 +23,10 @@ def _add_options(parser: Parser) -> None:
                         type=lambda text: 'random' if text == 'starts' else text,
                         help='random initial conditions at each alpha, or followed up and down; '
                         'all by default')
-    parser.add_argument('--draw', choices=('velocity', 'exponent', 'both'), default='both',
-                        help='what the picture shows; both by default')
     options.add_plane(parser)
     options.add_seed(parser)
 
 
-def _looks(given: argparse.Namespace) -> dict[str, Any]:
-    return {'exponent': given.draw != 'velocity', 'raster': given.draw != 'exponent'}
-
-
 main = Command('orbit_diagram', 'Count impact velocities against alpha, from many initial '
                'conditions and followed up and down, with the largest exponent.',
-               'orbit_diagram.zarr', _add_options, keywords=options.hold_of, looks=_looks)
+               'orbit_diagram.zarr', _add_options, keywords=options.hold_of)

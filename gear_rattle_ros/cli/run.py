@@ -36,7 +36,6 @@ class Command:
     add_options: Callable[[Parser], None]
     # An option with the name of a keyword of the study is passed to it; these replace some.
     keywords: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
-    looks: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}  # of the picture
     # The study is run for each.
     planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
 
@@ -83,7 +82,7 @@ class Command:
         print(output)
         if picture is not None:
             from ..figures.draw import save
-            for path in save(store.dataset(), picture, **looks_of(given) | self.looks(given)):
+            for path in save(store.dataset(), picture, **looks_of(given)):
                 print(path)
 
 
@@ -98,6 +97,7 @@ def _add_run(parser: Parser) -> None:
     group.add_argument('--threads', type=whole(1), metavar='N',
                        help='threads here; one for each processor by default')
     add_picture(parser)
+    add_views(parser)
 
 
 def add_picture(parser: Parser) -> None:
@@ -108,13 +108,24 @@ def add_picture(parser: Parser) -> None:
     group.add_argument('--dpi', type=number, metavar='X',
                        help='pixels per inch of a picture made of pixels')
     group.add_argument('--colours', metavar='NAME',
-                       help="a colour map of matplotlib, or 'paper' for the greys of the paper")
+                       help="a colour map of matplotlib, or 'paper' for the looks of the paper")
+
+
+def add_views(parser: Parser) -> None:
+    """Add the options of what the picture of a dataset shows."""
+    group = parser.add_argument_group('what the picture shows')
+    group.add_argument('--draw', choices=('velocity', 'exponent', 'both', 'impacts'),
+                       help='of an orbit diagram the velocity, the exponent or both; of the '
+                       'section of one trajectory its impacts in turn')
+    group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark amplitudes, or '
+                       'the window of a magnification: two phases and two velocities')
 
 
 def looks_of(given: argparse.Namespace) -> dict[str, Any]:
     """Return how a picture is to look, as far as that was given."""
-    return {name: value for name in ('title', 'dpi', 'colours')
-            if (value := getattr(given, name)) is not None}
+    return {name: tuple(value) if isinstance(value, list) else value
+            for name in ('title', 'dpi', 'colours', 'draw', 'mark')
+            if (value := getattr(given, name, None)) is not None}
 
 
 def require_picture(path: Path | None) -> None:

@@ -13,6 +13,7 @@ def _add_options(parser: Parser) -> None:
     add(parser, 'keep', whole(1), 20_000, 'impacts counted after that')
     add(parser, 'bins', whole(1), (720, 540), 'bins along phase and velocity')
     add(parser, 'bin-window', number, (-2.0, 2.0), 'velocities counted [1]')
+    options.add_initial(parser)
     options.add_plane(parser)
     options.add_seed(parser)
 

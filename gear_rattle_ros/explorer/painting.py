@@ -14,7 +14,7 @@ from .catalogues import Known
 from .computing import Picture
 from .view import CAP, LIFETIMES, SPAN
 from ..attractors.finding import CONSERVES, conserves_areas
-from ..attractors.matching import follow, points_of, Trace
+from ..attractors.matching import recognise, Trace
 from ..core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNSETTLED
 from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, reach, rgb
 
@@ -37,8 +37,7 @@ class Colours:
 
     def followed(self, known: Known) -> 'Colours':
         """Return the colours of the attractors at other parameters."""
-        found = points_of(known.catalogue)
-        traces, hues = follow(self.traces, found, is_complete=known.is_complete)
+        traces, hues = recognise(self.traces, known.catalogue, is_complete=known.is_complete)
         keys = [each.key for each in known.catalogue.attractors if each.label >= 0]
         names = NAMES | dict(enumerate(keys))
         if conserves_areas(known.catalogue.parameters):

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import style
-from .style import add_axes, Looks, new_figure
+from .style import add_axes, BOTTOM, Looks, new_figure, RIGHT, TOP
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
 from ..core.words import counted
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray
 
 # Margins of a picture [pixels].
-LEFT, RIGHT, BOTTOM, TOP, GAP = 100, 30, 66, 64, 16
+LEFT, GAP = 100, 16
 # Least size of a raster [pixels].
 WIDTH, HEIGHT, EXPONENT_HEIGHT = 780, 450, 190
 # Largest height of all rasters together, roughly [pixels].
@@ -36,10 +36,10 @@ SWEEPS: Final = {'random': 'from many initial conditions at each alpha',
 
 
 def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
-    exponent, raster = looks.exponent, looks.raster
+    exponent, raster = looks.draw != 'velocity', looks.draw != 'exponent'
     sweeps = [str(name) for name in dataset['sweep'].values]
     columns, bins = len(dataset['alpha'].values), len(dataset['velocity'].values)
-    width = columns * max(1, round(WIDTH / columns))
+    width = style.scaled(columns, WIDTH)
     merged = max(1, round(bins * len(sweeps) / TALLEST))
     height = bins // merged * max(1, round(HEIGHT * merged / bins)) if raster else 0
     below = EXPONENT_HEIGHT if exponent and raster else HEIGHT if exponent else 0
@@ -61,6 +61,8 @@ def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     if exponent:
         panels.append(add_axes(figure, LEFT, bottom - below, width, below))
         draw_exponents(panels[-1], dataset, looks)
+    for panel in panels:
+        _mark(panel, dataset, looks)
     panels[-1].tick_params(labelbottom=True)
     panels[-1].set_xlabel(ALPHA_LABEL, fontsize=12)
     _legend(panels[0], dataset, looks)
@@ -88,6 +90,14 @@ def draw_raster(axes: Axes, dataset: 'xarray.Dataset', sweep: int, merged: int, 
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
                 extent=_extent(alphas, velocities))
     axes.set_ylabel(style.VELOCITY_LABEL, fontsize=12)
+    for number, letter in _letters(dataset).items():
+        # Above the fastest impacts, where it does not meet the next one yet.
+        places = np.argwhere(dataset['attractor'].values[sweep] == number)
+        if len(places) >= RARE * len(alphas) and (letter in 'ABC' or not looks.is_paper):
+            column, slot = places[len(places) // 4]
+            axes.annotate(letter, (alphas[column], velocities[np.flatnonzero(
+                counts[column, slot])[-1]]), (0, 5), textcoords='offset points', ha='center',
+                color=looks.ink(number), fontsize=13, fontweight='bold')
 
 
 def draw_exponents(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
@@ -111,6 +121,8 @@ def draw_exponents(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
 
 def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the shares of the attractors against alpha, with what happens to them."""
+    if looks.draw:
+        return draw_diagram(dataset, looks)
     alphas = dataset['alpha'].values
     shares = dataset['share'].values[0]
     count = dataset.attrs['trajectories']
@@ -122,12 +134,7 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         axes.fill_between(alphas, share - error, share + error, color=colour, alpha=0.25,
                           linewidth=0)
         axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
-    kinds, where = dataset['event_kind'].values, dataset['event_alpha'].values
-    of = dataset['event_attractor'].values
-    for kind, alpha, number in zip(kinds, where, of, strict=True):
-        if alphas[0] <= alpha <= alphas[-1]:
-            dashes = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
-            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
+    _mark(axes, dataset, looks)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
     axes.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
@@ -143,7 +150,7 @@ def _coloured(dataset: 'xarray.Dataset', sweep: int, looks: Looks
     # Where each attractor is, shape (alpha, slot), with its colour; what is unsettled last.
     numbers, kinds = (dataset[name].values[sweep] for name in ('attractor', 'kind'))
     for number in np.unique(numbers[numbers >= 0]):
-        yield numbers == number, looks.hue(int(number))
+        yield numbers == number, looks.ink(int(number))
     unsettled = kinds == KINDS.index(Kind.UNSETTLED.value)
     if unsettled.any():
         yield unsettled, GREY
@@ -167,13 +174,36 @@ def _legend(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
     columns = numbers.shape[1]
     names = [int(n) for n in np.unique(numbers[numbers >= 0])
              if np.max(np.count_nonzero((numbers == n).any(axis=2), axis=1)) >= RARE * columns]
-    handles = [style.legend_mark('s', looks.hue(n), f'attractor {n}')
+    if looks.is_paper:
+        return
+    letters = _letters(dataset)
+    handles = [style.legend_mark('s', looks.hue(n), letters.get(n, f'attractor {n}'))
                for n in names[:LEGEND_MOST]]
     if np.any(dataset['kind'].values == KINDS.index(Kind.UNSETTLED.value)):
         handles.append(style.legend_mark('s', GREY, 'unsettled'))
     axes.legend(handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.0), frameon=False,
                 ncols=len(handles), fontsize=11, handletextpad=0.2, columnspacing=1.2,
                 borderaxespad=0.1)
+
+
+def _letters(dataset: 'xarray.Dataset') -> dict[int, str]:
+    numbers, letters = dataset['attractor'].values, dataset['letter'].values
+    return {int(number): str(letters[numbers == number].max())
+            for number in np.unique(numbers[letters != ''])}
+
+
+def _mark(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
+    # Amplitudes that were asked for, and what happens to the attractors.
+    for alpha in looks.mark:
+        axes.axvline(alpha, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0)
+    if 'event_alpha' not in dataset or looks.is_paper:
+        return
+    low, high = dataset['alpha'].values[[0, -1]]
+    for kind, alpha, number in zip(*(dataset[f'event_{name}'].values for name in (
+            'kind', 'alpha', 'attractor')), strict=True):
+        if low <= alpha <= high:
+            dashes = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
+            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
 
 
 def _title(dataset: 'xarray.Dataset') -> str:

@@ -20,6 +20,7 @@ PICTURES: Final = {
     'crisis': {'': 'crisis.draw_law'},
     'exponents': {'': 'grids.draw_exponents'},
     'lifetimes': {'': 'grids.draw_lifetimes', 'survival': 'grids.draw_survival'},
+    'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'section': {'': 'section.draw_section'},
 }
@@ -34,7 +35,8 @@ def draw(dataset: 'xarray.Dataset', **looks: Any) -> Figure:
     dataset : xarray.Dataset
         As a study returns it, or `open_dataset`.
     **looks
-        `title`; `dpi`; and `colours`, a colour map of matplotlib or 'paper'.
+        `title`; `dpi`; `colours`, a colour map of matplotlib or 'paper'; `draw`, which picture of
+        several; and `mark`, amplitudes or a window that are marked.
 
     Returns
     -------

@@ -8,12 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.image import AxesImage
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 import numpy as np
 import numpy.typing as npt
 
-from .style import Looks, new_figure, phase_ticks, thousands
+from . import style
+from .style import add_axes, Looks, new_figure, phase_ticks, thousands
+from ..attractors.letters import numbers_of
 from ..core.many.settling import UNSETTLED
 from ..core.words import counted
 from ..palette import ENDS, EXPONENTS, FORGOTTEN, GREY, painted, reach
@@ -21,77 +24,72 @@ from ..palette import ENDS, EXPONENTS, FORGOTTEN, GREY, painted, reach
 if TYPE_CHECKING:
     import xarray
 
-DPI: Final = 120
 # Most cells along an edge of a picture: more are not seen.
-EDGE: Final = 2000
+MOST: Final = 2000
+# Rows of a legend below the axes, their height, and room for a scale beside them [pixels].
+ROWS: Final = 8
+ROW, BAR = 22, 110
+# Steps of the scale of lifetimes, few enough for a small file.
+STEPS: Final = 64
 
 
 def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw which initial condition goes where."""
-    figure, axes = _new(dataset, 'Basins of attraction', looks)
     labels = _thinned(dataset['label'])
-    names = dict(zip(dataset['attractor_label'].values.tolist(),
-                     dataset['attractor_key'].values.tolist(), strict=True))
-    names |= {UNSETTLED: 'unsettled'}
-    colours = ENDS | {label: looks.hue(label) for label in names if label >= 0}
-    axes.imshow(painted(labels, colours), **_placed(dataset))
-    patches = [Patch(color=colours[label], label=f'{label}  {name}  {_share(labels == label)}')
-               for label, name in names.items() if np.any(labels == label)]
-    figure.legend(handles=patches[:16], loc='outside lower center', ncols=2, frameon=False)
-    _label(axes, dataset.attrs['phase_window'])
+    colours, names = _attractors(dataset, looks)
+    colours, names = ENDS | colours, {UNSETTLED: 'unsettled'} | names
+    patches = [Patch(color=colours[label], label=f'{name}  {_share(labels == label)}')
+               for label, name in sorted(names.items(), key=lambda item: (item[0] < 0, item[1]))
+               if np.any(labels == label)]
+    _, figure = _plane(dataset, 'Basins of attraction', looks, painted(labels, colours),
+                       legend=patches)
     return figure
 
 
 def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw how long every initial condition takes; as in the paper: linear, long is black."""
-    figure, axes = _new(dataset, 'Lifetimes', looks)
     cap, paper = dataset.attrs['cap'], looks.is_paper
     lifetimes = _thinned(dataset['lifetime'])
     censored = _thinned(dataset['label']) == UNSETTLED
-    norm = Normalize(0, cap) if paper else LogNorm(1, max(cap, 2))
-    shown = np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper))
-    colours = looks.scale('inferno').with_extremes(bad=ENDS[UNSETTLED])
-    drawn = axes.imshow(shown, cmap=colours, norm=norm, **_placed(dataset))
-    bar = figure.colorbar(drawn, ax=axes, shrink=0.9)
-    bar.set_label('lifetime of the transient [impacts]')
-    if np.any(censored):
-        words = f'{counted(cap, "impact")} or more  {_share(censored)}'
-        figure.legend(handles=[Patch(color='black' if paper else ENDS[UNSETTLED], label=words)],
-                      loc='outside lower center', frameon=False)
-    _label(axes, dataset.attrs['phase_window'])
+    patch = Patch(color='black' if paper else ENDS[UNSETTLED],
+                  label=f'{counted(cap, "impact")} or more  {_share(censored)}')
+    drawn, figure = _plane(
+        dataset, 'Lifetimes', looks,
+        np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper)), bar=True,
+        legend=[patch] * int(censored.any()),
+        cmap=looks.scale('inferno').resampled(STEPS).with_extremes(bad=ENDS[UNSETTLED]),
+        norm=Normalize(0, cap) if paper else LogNorm(1, max(cap, 2)))
+    _scale(figure, drawn, 'lifetime of the transient [impacts]')
     return figure
 
 
 def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw where neighbours diverge (red) or converge (blue); what is not finite is dark."""
-    figure, axes = _new(dataset, 'Finite-time exponents over '
-                        f'{counted(dataset.attrs["impacts"], "impact")}', looks)
     exponents = _thinned(dataset['exponent'])
     bound = reach(exponents)
     colours = looks.scale('') if looks.colours else LinearSegmentedColormap.from_list(
         'exponents', EXPONENTS)
-    drawn = axes.imshow(np.ma.masked_invalid(exponents),
-                        cmap=colours.with_extremes(bad=FORGOTTEN),
-                        norm=Normalize(-bound, bound), **_placed(dataset))
-    figure.colorbar(drawn, ax=axes, shrink=0.9, extend='both').set_label(
-        'finite-time exponent per impact [1]')
-    _label(axes, dataset.attrs['phase_window'])
+    drawn, figure = _plane(
+        dataset, f'Finite-time exponents over {counted(dataset.attrs["impacts"], "impact")}',
+        looks, np.ma.masked_invalid(exponents), bar=True,
+        cmap=colours.with_extremes(bad=FORGOTTEN), norm=Normalize(-bound, bound))
+    _scale(figure, drawn, 'finite-time exponent per impact [1]', extend='both')
     return figure
 
 
 def draw_attractors(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the attractors on the section."""
     figure, axes = _new(dataset, 'Attractors on the section', looks)
-    for label, key, share in zip(*(dataset[f'attractor_{name}'].values
-                                   for name in ('label', 'key', 'share')), strict=True):
+    colours, names = _attractors(dataset, looks)
+    for label, share in zip(dataset['attractor_label'].values.tolist(),
+                            dataset['attractor_share'].values, strict=True):
         # A chaotic attractor is a thin line.
         for name, size in (('point', 40.0), ('box', 3.0)):
             mine = dataset[f'{name}_label'].values == label
             if mine.any():
                 axes.scatter(dataset[f'{name}_phase'].values[mine],
                              dataset[f'{name}_velocity'].values[mine], s=size, linewidths=0,
-                             color=looks.hue(int(label)),
-                             label=f'{label}  {key}  {100.0 * share:.1f} %')
+                             color=colours[label], label=f'{names[label]}  {100.0 * share:.1f} %')
     axes.axhline(0.0, color=GREY, linewidth=0.6)
     legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
     for handle in legend.legend_handles:
@@ -122,24 +120,64 @@ def draw_survival(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     return figure
 
 
-def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, Axes]:
+def _attractors(dataset: 'xarray.Dataset', looks: Looks) -> tuple[dict[int, str], dict[int, str]]:
+    # The colour and the name of each attractor by label: its letter, or else its label, and key.
+    labels = dataset['attractor_label'].values.tolist()
+    letters = dict(zip(labels, dataset['attractor_letter'].values.tolist(), strict=True))
+    colours = {label: looks.hue(number) for label, number in numbers_of(labels, letters).items()}
+    return colours, {label: f'{letters[label] or label}  {key}' for label, key in zip(
+        labels, dataset['attractor_key'].values.tolist(), strict=True)}
+
+
+def _title(dataset: 'xarray.Dataset', title: str, looks: Looks) -> str:
     a = dataset.attrs
-    figure = new_figure(1080, 960, looks, DPI, layout='constrained')
     plane = f', s = {a["displacement"]:g}' if 'size' in a else ''
-    figure.suptitle(looks.title or f'{title}, alpha {a["alpha"]:g}, beta {a["beta"]:g}, gamma '
-                    f'{a["gamma"]:g}, r {a["restitution"]:g}{plane}', fontsize=12)
+    return looks.title or (f'{title}, alpha {a["alpha"]:g}, beta {a["beta"]:g}, gamma '
+                           f'{a["gamma"]:g}, r {a["restitution"]:g}{plane}')
+
+
+def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, Axes]:
+    figure = new_figure(900, 800, looks, layout='constrained')
+    figure.suptitle(_title(dataset, title, looks), fontsize=13)
     return figure, figure.subplots()
 
 
-def _thinned(grid: 'xarray.DataArray') -> npt.NDArray[Any]:
-    every = tuple(slice(None, None, -(-length // EDGE)) for length in grid.shape)
-    return np.asarray(grid[every].values)
-
-
-def _placed(dataset: 'xarray.Dataset') -> dict[str, Any]:
+def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArray[Any], *,
+           bar: bool = False, legend: Sequence[Patch] = (), **options: Any
+           ) -> tuple[AxesImage, Figure]:
+    # A cell is a whole number of pixels.
     a = dataset.attrs
-    return {'origin': 'lower', 'aspect': 'auto', 'interpolation': 'nearest',
-            'extent': (*a['phase_window'], *a['velocity_window'])}
+    height, width = (style.scaled(cells) for cells in grid.shape[:2])
+    rows = min(-(-len(legend) // 2), ROWS) if len(legend) > 1 else len(legend)
+    below = style.BOTTOM + ROW * rows
+    figure = new_figure(style.LEFT + width + (BAR if bar else style.RIGHT),
+                        below + height + style.TOP - 20, looks)
+    style.write_title(figure, style.LEFT, _title(dataset, title, looks))
+    axes = add_axes(figure, style.LEFT, below, width, height)
+    drawn = axes.imshow(grid, origin='lower', aspect='auto', interpolation='nearest',
+                        extent=(*a['phase_window'], *a['velocity_window']), **options)
+    if len(looks.mark) == 4:
+        p0, p1, v0, v1 = looks.mark
+        for colour, line in (('white', 4.0), ('black', 1.8)):
+            axes.add_patch(Rectangle((p0, v0), p1 - p0, v1 - v0, fill=False, edgecolor=colour,
+                                     linewidth=line))
+    _label(axes, a['phase_window'])
+    if legend:
+        figure.legend(handles=list(legend[:2 * ROWS]), loc='lower center', ncols=2, frameon=False,
+                      fontsize=11, borderaxespad=0.1)
+    return drawn, figure
+
+
+def _scale(figure: Figure, drawn: AxesImage, words: str, **options: Any) -> None:
+    place = figure.axes[0].get_position()
+    width = figure.get_size_inches()[0] * style.DPI
+    axes = figure.add_axes((place.x1 + 16 / width, place.y0, 20 / width, place.height))
+    figure.colorbar(drawn, cax=axes, **options).set_label(words, fontsize=11)
+
+
+def _thinned(grid: 'xarray.DataArray') -> npt.NDArray[Any]:
+    every = tuple(slice(None, None, -(-length // MOST)) for length in grid.shape)
+    return np.asarray(grid[every].values)
 
 
 def _label(axes: Axes, window: Sequence[float]) -> None:

@@ -1,5 +1,5 @@
 """
-The figures of de Souza & Caldas, redrawn from recipes, with a page that compares them.
+The figures of de Souza & Caldas from recipes, in the paper's looks and in ours, with a page.
 
 A recipe is a YAML file with the fields of `Recipe`. What its command prints is kept for the page.
 """
@@ -10,16 +10,18 @@ import json
 from pathlib import Path
 import re
 import shlex
+import shutil
 import textwrap
 from typing import Any, Final
 
+from .style import pack
 from ..plain_yaml import read_yaml
 
-FIELDS: Final = ('figure', 'title', 'paper', 'known', 'command', 'agrees', 'finding')
-AGREES: Final = {'yes': 'Agrees', 'partly': 'Partly agrees', 'no': 'Disagrees',
-                 'unknown': 'Cannot be compared'}
+FIELDS: Final = ('figure', 'title', 'paper', 'agrees', 'ours', 'command')
+AGREES: Final = {'yes': 'Agrees', 'partly': 'Partly', 'no': 'Disagrees', 'ours': 'New'}
 # Tools that a recipe may run.
-TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'orbit_diagram', 'section')
+TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'motion', 'orbit_diagram',
+                'section')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,36 +29,51 @@ class Recipe:
     """
     How a figure is made, and what it is compared with.
 
-    `paper` describes what the paper's figure shows, `known` names the source of that.
-    In `command`, {store} and {picture} stand for what it writes. `agrees` is yes, partly, no or
-    unknown.
+    `paper` is what the paper's text says of its figure, `ours` what is found here, `agrees` a word
+    of `AGREES`. `command` is a tool with options, or the name of a drawing beside the recipe;
+    figures of the same `store` are drawn from one dataset, with the options in `view`.
     """
 
     figure: str
     title: str
     paper: str
-    known: str
-    command: tuple[str, ...]
     agrees: str
-    finding: str
+    ours: str
+    command: tuple[str, ...]
+    path: Path
+    store: str = ''
+    view: tuple[str, ...] = ()
 
-    def words(self, folder: Path) -> list[str]:
-        """Return tool and options; what is in the folder already is resumed."""
-        def fill(word: str) -> str:
-            named = re.fullmatch(r'\{store(?::(\w+))?\}', word)
-            if named:
-                return str(folder / 'data' / f'figure-{named[1] or self.figure}.zarr')
-            return str(folder / f'figure-{self.figure}.png') if word == '{picture}' else word
+    @property
+    def drawing(self) -> Path | None:
+        """Return the drawing, where there is nothing to compute."""
+        is_drawing = self.command[0].endswith('.svg')
+        return self.path.with_name(self.command[0]) if is_drawing else None
 
-        return [*(fill(word) for word in self.command), '--resume']
+    @property
+    def pictures(self) -> dict[str, tuple[str, ...]]:
+        """Return the pictures, without an ending, and the options of their looks."""
+        name = f'figure-{self.figure}'
+        paper = {f'{name}-paper': ('--colours', 'paper')} if self.agrees != 'ours' else {}
+        return {} if self.drawing else paper | {name: ()}
+
+    @property
+    def files(self) -> list[str]:
+        """Return the files of the page."""
+        return [f'{name}.png' for name in self.pictures] or list(self.command)
+
+    def data(self, folder: Path, ending: str) -> Path:
+        """Return the file of the store, .zarr, or of what was printed, .json."""
+        name = self.store if self.store and ending == '.zarr' else self.figure
+        return folder / 'data' / f'figure-{name}{ending}'
 
 
 def load_recipes(folder: Path) -> dict[str, Recipe]:
     """Read all recipes, in the order of the paper; ValueError where one is not whole."""
-    recipes = [_recipe(path) for path in sorted(folder.glob('*.yaml'))]
+    recipes = [_recipe(path) for path in folder.glob('*.yaml')]
     if not recipes:
         raise ValueError(f'{folder} holds no recipes; name their folder with --recipes')
-    recipes.sort(key=lambda recipe: (int(re.sub(r'\D', '', recipe.figure) or 0), recipe.figure))
+    recipes.sort(key=lambda recipe: (int(re.sub(r'\D', '', recipe.figure) or 99), recipe.figure))
     return {recipe.figure: recipe for recipe in recipes}
 
 
@@ -68,116 +85,91 @@ def _recipe(path: Path) -> Recipe:
     missing = [name for name in FIELDS if not isinstance(content, dict) or name not in content]
     if missing:
         raise ValueError(f'{path}: {", ".join(missing)} missing')
-    values = {name: ' '.join(str(content[name]).split()) for name in FIELDS}
+    values: dict[str, Any] = {name: ' '.join(str(text).split()) for name, text in content.items()}
     try:
-        command = tuple(shlex.split(values.pop('command')))
-    except ValueError as error:
-        raise ValueError(f'{path}: the command cannot be read: {error}') from error
-    if values['agrees'] not in AGREES:
-        raise ValueError(f'{path}: agrees = {values["agrees"]!r} is not one of '
-                         f'{", ".join(AGREES)}')
-    if not command or command[0] not in TOOLS:
+        for name in ('command', 'view'):
+            values[name] = tuple(shlex.split(values.get(name, '')))
+        recipe = Recipe(path=path, **values)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f'{path} cannot be read: {error}') from error
+    if recipe.agrees not in AGREES:
+        raise ValueError(f'{path}: agrees = {recipe.agrees!r} is not one of {", ".join(AGREES)}')
+    if not recipe.command or not recipe.drawing and recipe.command[0] not in TOOLS:
         raise ValueError(f'{path}: the command does not begin with one of {", ".join(TOOLS)}')
-    for word in ('{picture}', '--picture', '--output'):
-        if word not in command:
-            raise ValueError(f'{path}: the command lacks {word}')
-    return Recipe(command=command, **values)
+    return recipe
 
 
 def write_index(recipes: dict[str, Recipe], folder: Path) -> Path:
-    """Write the page that shows all figures made so far and compares them with the paper's."""
-    parts, e = [], html.escape
-    for recipe in recipes.values():
-        picture, record = _made(recipe, folder)
-        if not record:
-            continue
-        parts.append(
-            f'<section id="f{e(recipe.figure)}">'
-            f'<h2>Figure {e(recipe.figure)}: {e(recipe.title)} '
-            f'<span class="{e(recipe.agrees)}">{AGREES[recipe.agrees]}</span></h2>\n'
-            f'<img src="{e(picture.name)}" alt="{e(recipe.title)}">\n'
-            f'<p><b>The paper.</b> {e(recipe.paper)} <i>{e(recipe.known)}</i></p>\n'
-            f'<p><b>Here.</b> {e(recipe.finding)}</p>\n'
-            f'<pre>{e(record["command"])}</pre>\n'
-            f'<details open><summary>numbers; {record["seconds"]} s</summary>'
-            f'<pre>{e(record["printed"].strip())}</pre></details></section>')
+    """Write the page of all figures made so far, beside the pictures as they are."""
+    text = html.escape('\n'.join(_part(recipe, folder, '') for recipe in recipes.values()
+                                 if recipe.data(folder, '.json').exists()))
+    for mark, tag in ((r'!\[(.*?)\]\((.*?)\)', r'<img src="\2" alt="\1" style="max-width: 49%">'),
+                      ('^## (.*)$', r'<b style="font-size: 150%">\1</b>'),
+                      (r'\*\*(.+?)\*\*', r'<b>\1</b>'), (r'^(```.*|\|[- |]+)\n', ''),
+                      (r' ?\| ?', ' ')):
+        text = re.sub(mark, tag, text, flags=re.MULTILINE)
     page = folder / 'index.html'
-    page.write_text(PAGE.replace('@', '\n'.join(parts)), encoding='utf-8')
+    page.write_text('<!doctype html><meta charset="utf-8"><title>Figures of de Souza &amp; Caldas'
+                    '</title><body style="white-space: pre-wrap; font-family: monospace">'
+                    + text, encoding='utf-8')
     return page
 
 
 def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
-    """Write the same as a page of the documents, with small pictures in a folder beside it."""
-    from .style import shrink
-    small = page.with_suffix('')
-    parts = [HEAD.format(page=page)]
+    """Write all figures as a page of the documents, with the pictures in a folder beside it."""
+    beside = page.with_suffix('')
+    beside.mkdir(parents=True, exist_ok=True)
     for recipe in recipes.values():
-        picture, record = _made(recipe, folder)
-        if not record:
-            raise ValueError(f'{picture} has not been made; run: figures {recipe.figure}')
-        small.mkdir(parents=True, exist_ok=True)
-        shrink(picture, small / picture.name)
-        printed = [line.rstrip() for line in record['printed'].strip('\n').splitlines()
-                   if f'{folder}/' not in line]
-        numbers = ['```text', *printed, '```', ''] if printed else []
-        parts += [
-            f'## Figure {recipe.figure}: {recipe.title}', '',
-            f'![{recipe.title}]({small.name}/{picture.name})', '',
-            *_filled(f'**The paper.** {recipe.paper} *{recipe.known}*'), '',
-            *_filled(f'**{AGREES[recipe.agrees]}.** {recipe.finding}'), '',
-            f'`figures {recipe.figure}` runs', '',
-            '```sh', ' \\\n'.join(textwrap.wrap(
-                ' '.join(recipe.command), 95, break_on_hyphens=False,
-                subsequent_indent='    ')), '```', '', *numbers]
-    page.write_text('\n'.join(parts).rstrip() + '\n', encoding='utf-8')
+        if not recipe.data(folder, '.json').exists():
+            raise ValueError(f'figure {recipe.figure} has not been made; run: figures '
+                             f'{recipe.figure}')
+        for name in recipe.files:
+            if recipe.drawing:
+                shutil.copyfile(recipe.drawing, beside / name)
+            else:
+                pack(folder / name, beside / name)
+    page.write_text('\n'.join([PAGE.format(page=page), *(
+        _part(recipe, folder, f'{beside.name}/') for recipe in recipes.values())]),
+        encoding='utf-8')
     return page
 
 
-def _made(recipe: Recipe, folder: Path) -> tuple[Path, dict[str, Any]]:
-    """Return the picture of a figure and the record of its run, empty where it was not made."""
-    picture, record = folder / f'figure-{recipe.figure}.png', record_of(recipe, folder)
-    is_made = picture.exists() and record.exists()
-    return picture, json.loads(record.read_text(encoding='utf-8')) if is_made else {}
+def _part(recipe: Recipe, folder: Path, place: str) -> str:
+    # What the page says of a figure, in Markdown, with the pictures at a place.
+    record = json.loads(recipe.data(folder, '.json').read_text(encoding='utf-8'))
+    name = f'Figure {recipe.figure}' if recipe.figure[0].isdigit() else 'Beyond the paper'
+    images = [f'![{recipe.title}]({place}{file})' for file in recipe.files]
+    lines = [f'## {name}: {recipe.title}', '', *(images if len(images) < 2 else [
+        '| in the looks of the paper | with what is found here |', '|---|---|',
+        f'| {" | ".join(images)} |']), '']
+    for text in (f'**The paper.** {recipe.paper}' if recipe.paper else '',
+                 f'**{AGREES[recipe.agrees]}.** {recipe.ours}'):
+        if text:
+            lines += [*textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False), '']
+    if not recipe.drawing:
+        lines += ['```sh', ' \\\n'.join(textwrap.wrap(shlex.join(
+            [*recipe.command, *recipe.view, '--picture', f'figure-{recipe.figure}.png']), 95,
+            break_on_hyphens=False, subsequent_indent='    ')), '```', '', '```text', *(
+                line.rstrip() for line in record['printed'].strip('\n').splitlines()
+                if f'{folder}/' not in line), '```', '']
+    return '\n'.join(lines)
 
 
-def record_of(recipe: Recipe, folder: Path) -> Path:
-    return folder / 'data' / f'figure-{recipe.figure}.json'
-
-
-def _filled(text: str) -> list[str]:
-    return textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False)
-
-
-HEAD: Final = """# Figures of the paper, redrawn
+PAGE: Final = """# Figures of the paper, redrawn
 
 This page redraws the figures of de Souza & Caldas, *Basins of attraction and transient chaos in a
-gear-rattling model* (2001). For each figure it describes what the paper shows, as far as its text
-states it, and what is found here, with the command and what it prints. The text does not state the
-displacement of the plane of initial conditions; it is s = 0 here, and -0.5 in figure 10.
+gear-rattling model* (2001). Each is drawn twice from one dataset: in the looks of the paper, as
+far as its text describes them, and with colours and what is found here. For each it says what the
+paper shows, whether that agrees, the command, and what this prints; with `--colours paper` the
+command draws the first of both pictures.
 
-This page and its pictures, which are reduced in size, are written by
+The text does not state the displacement of the plane of initial conditions; it is s = 0 here. From
+there a gear that moves up hits the wall at once and goes on with r times the velocity downwards:
+the upper half of these pictures is the lower half, mirrored and stretched by 1/r.
 
 ```sh
 make figures ARGS="--page {page}"
 ```
-"""
-PAGE: Final = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>Figures of de Souza &amp; Caldas, redrawn</title>
-<style>
-body { font: 16px/1.5 sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
-       color: #222; background: #fff }
-img { max-width: 100%; border: 1px solid #ddd }
-pre { background: #f4f4f4; padding: .6rem; overflow-x: auto; font-size: .8rem }
-h2 { margin-top: 3rem }
-h2 span { font-size: .8rem; padding: .15rem .5rem; border-radius: .6rem; color: #fff }
-.yes { background: #04724d } .partly { background: #8a6100 } .no { background: #a8200d }
-.unknown { background: #606060 }
-</style>
-<h1>Figures of de Souza &amp; Caldas (2001), redrawn</h1>
-<p>Basins of attraction and transient chaos in a gear-rattling model, Journal of Vibration and
-Control 7. For each figure: what the paper shows, as far as its text states it, what is found here,
-the command, and the numbers that it prints. The text does not state the displacement of the plane
-of initial conditions; it is s = 0 here, and -0.5 in figure 10.</p>
-@
-</html>
+
+writes this page and its pictures, and each picture as PDF.
 """

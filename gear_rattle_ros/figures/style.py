@@ -3,7 +3,9 @@
 import dataclasses
 import math
 from pathlib import Path
+import struct
 from typing import Any, Final
+import zlib
 
 from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
@@ -26,10 +28,9 @@ PAPER: Final = ('#bfbfbf', '#000000', '#7f7f7f', '#dfdfdf', '#3f3f3f')
 PALE: Final = 0.14
 # A line one pixel thick is widened upwards and downwards at this strength.
 HALO: Final = 0.45
-# Small copies: the widths to try [pixels] until the file is short enough [bytes], and colours.
-SMALL: Final = (600, 520, 440, 380)
-LONGEST: Final = 200_000
-COLOURS: Final = 256
+# Edge of a grid in a picture, about, and margins of its axes [pixels].
+EDGE: Final = 800
+LEFT, RIGHT, BOTTOM, TOP = 90, 30, 66, 64
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
@@ -42,9 +43,10 @@ class Looks:
     dpi: float | None = None
     # A colour map of matplotlib, or 'paper': the greys of the paper.
     colours: str | None = None
-    # An orbit diagram has a raster of velocities and the exponents.
-    raster: bool = True
-    exponent: bool = True
+    # What is drawn, where a dataset has several pictures.
+    draw: str | None = None
+    # Amplitudes, or the window of a magnification: two phases and two velocities.
+    mark: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.dpi is not None and not 10.0 <= self.dpi <= 2400.0:
@@ -66,6 +68,10 @@ class Looks:
         colours = colormaps[self.colours]
         return to_hex(colours(number % colours.N if colours.N < 64 else
                               number * math.tau % 1.0))
+
+    def ink(self, number: int) -> str:
+        """Return the colour of thin lines and points of an attractor: black in the paper."""
+        return PAPER[1] if self.is_paper else self.hue(number)
 
     def scale(self, usual: str) -> Colormap:
         """Return the colour map of a quantity."""
@@ -110,15 +116,23 @@ def name_walls(axes: Axes) -> None:
         axes.text(0.01, y, f'{wall} wall', transform=axes.transAxes, va=side, color=GREY)
 
 
-def shrink(picture: Path, small: Path) -> None:
-    """Write the widest copy of `SMALL` with `LONGEST` bytes or fewer, in `COLOURS`."""
+def pack(picture: Path, packed: Path) -> None:
+    """Copy a picture into fewer bytes, every pixel as it is."""
+    # Rows that are not filtered: the adaptive filters of encoders double the size of a grid.
     with Image.open(picture) as whole:
-        for width in SMALL:
-            copy = whole.convert('RGB')
-            copy.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
-            copy.quantize(COLOURS).save(small, optimize=True)
-            if small.stat().st_size <= LONGEST:
-                break
+        pixels = np.asarray(whole.convert('RGB'))
+    height, width, _ = pixels.shape
+    rows = np.pad(pixels.reshape(height, -1), ((0, 0), (1, 0)))
+    header = struct.pack('>2I5B', width, height, 8, 2, 0, 0, 0)
+    packed.write_bytes(b'\x89PNG\r\n\x1a\n' + b''.join(
+        struct.pack('>I', len(data)) + name + data + struct.pack('>I', zlib.crc32(name + data))
+        for name, data in ((b'IHDR', header), (b'IDAT', zlib.compress(rows.tobytes(), 9)),
+                           (b'IEND', b''))))
+
+
+def scaled(cells: int, edge: int = EDGE) -> int:
+    """Return the length of an edge [pixels] on which a cell is a whole number of pixels."""
+    return cells * max(1, round(edge / cells))
 
 
 def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None:

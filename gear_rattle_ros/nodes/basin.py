@@ -24,7 +24,7 @@ from .base.scales import nice_limit
 from .. import messages
 from ..attractors.catalogue import Attractor, others_where
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
-from ..attractors.matching import follow, points_of, Trace
+from ..attractors.matching import points_of, recognise, Trace
 from ..attractors.plane import Plane
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from ..core.many.chaotic_sets import BRIEF
@@ -140,8 +140,8 @@ class Job(threading.Thread):
                         velocities=size) for size in sizes]
         for basins in watch(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
                             threads=settings.threads, is_dropped=self.dropped.is_set):
-            traces, hues = follow(memory.traces, points_of(basins.catalogue),
-                                  is_complete=basins.is_complete)
+            traces, hues = recognise(memory.traces, basins.catalogue,
+                                     is_complete=basins.is_complete)
             memory = Memory(traces, limit)
             # Finer pictures give way to everything, but must not starve: they may hold the GIL.
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
@@ -302,7 +302,7 @@ def warm_up(settings: Settings) -> None:
     planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
     for basins in watch(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
                         is_dropped=lambda: False):
-        follow((), points_of(basins.catalogue))
+        recognise((), basins.catalogue)
     chaos = Parameters(alpha=1.1)
     find_attractors(chaos, planes[0].draw(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)
 

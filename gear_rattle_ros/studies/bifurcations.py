@@ -67,9 +67,9 @@ class Event:
         critical = -1.0 if self.what == Change.DOUBLING.value else 1.0
         return float(min(self.orbit.multipliers, key=lambda m: abs(m - critical)).real)
 
-    def describe(self) -> str:
+    def describe(self, letter: str = '') -> str:
         digits = 1 - math.floor(math.log10(self.tolerance))
-        return (f'{self.attractor:9d}  {self.what:15s}  {self.alpha:.{digits}f} +- '
+        return (f'{f"{letter} {self.attractor}":>9s}  {self.what:15s}  {self.alpha:.{digits}f} +- '
                 f'{self.tolerance:.1e}  {self.key}').rstrip()
 
 

@@ -72,5 +72,6 @@ def write_events(store: Store, events: list[Event]) -> None:
          ('period of the orbit', 'drive periods')),
         ('multiplier', [e.multiplier for e in events], 'f8',
          ('critical multiplier, real part',)))})
-    store.set_attributes({'tool': NAME, 'events': '\n'.join(
-        [HEADING, *(event.describe() for event in events)])})
+    numbers, letters = store.read_all('attractor'), store.read_all('letter')
+    store.set_attributes({'tool': NAME, 'events': '\n'.join([HEADING, *(event.describe(
+        max(letters[numbers == event.attractor], default='')) for event in events)])})

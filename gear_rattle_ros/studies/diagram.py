@@ -28,8 +28,8 @@ KEY: Final = '<U48'
 # Impacts of each attractor that are kept, to know it again at the next alpha.
 POINTS: Final = 64
 # What stands where there is no attractor; nan in every other array.
-NOTHING: Final = {'count': 0, 'key': '', 'share': 0.0, 'kind': -1, 'period_impacts': 0,
-                  'period_drive': 0}
+NOTHING: Final = {'count': 0, 'key': '', 'letter': '', 'share': 0.0, 'kind': -1,
+                  'period_impacts': 0, 'period_drive': 0}
 
 
 def in_order(sweeps: tuple[str, ...]) -> tuple[str, ...]:
@@ -102,6 +102,7 @@ def layout_of(diagram: Diagram) -> Layout:
         for name, others, dtype, words, units in (
             ('count', ('slot', 'velocity'), '<u4', 'impacts counted', '1'),
             ('key', ('slot',), KEY, 'name of the attractor, empty for none', None),
+            ('letter', ('slot',), '<U1', 'its letter in the paper, empty for none', None),
             ('point', ('slot', 'sample', 'coordinate'), '<f4', 'some impacts, nan for fewer',
              None),
             ('share', ('slot',), '<f8', 'share of the trajectories', '1'),
@@ -131,7 +132,7 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             values['share'][slot] += one.attractor.share
             if k >= SLOTS:
                 continue
-            values['key'][slot] = one.attractor.key
+            values['key'][slot], values['letter'][slot] = one.attractor.key, one.attractor.letter
             points = one.attractor.points(POINTS)[:POINTS]
             values['point'][slot][:len(points)] = points
             values['kind'][slot] = KINDS.index(one.attractor.kind.value)

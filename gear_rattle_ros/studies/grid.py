@@ -11,6 +11,7 @@ import numpy as np
 
 from .work import Work
 from ..attractors.catalogue import Catalogue
+from ..attractors.letters import with_letters
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..attractors.refining import late_orbits, Level
@@ -100,6 +101,7 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
                 sorted(known.late, key=lambda orbit: orbit.key)))
             work.run(functools.partial(fill, known), list(range(len(store.tiles))),
                      lambda tile, done: store.mark(tile))
+            known = with_letters(known)
     return known
 
 

@@ -116,7 +116,8 @@ def write_attractors(store: Store) -> None:
     kinds = store.read_all('kind')
     numbers = track(store.read_all('key'), store.read_all('point'),
                     kinds == KINDS.index(Kind.CHAOTIC.value),
-                    (kinds >= 0) & (kinds != KINDS.index(Kind.UNSETTLED.value)))
+                    (kinds >= 0) & (kinds != KINDS.index(Kind.UNSETTLED.value)),
+                    store.read_all('letter'))
     store.write_table({
         'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), named(
             'number of the attractor, matched from alpha to alpha; -1 none', None))})
@@ -124,12 +125,14 @@ def write_attractors(store: Store) -> None:
 
 def describe(dataset: Arrays) -> str:
     """List the attractors of a diagram, numbered as in the dataset and in the picture."""
-    numbers, alphas, keys = (dataset[name].values for name in ('attractor', 'alpha', 'key'))
+    numbers, alphas, keys, letters = (
+        dataset[name].values for name in ('attractor', 'alpha', 'key', 'letter'))
     rows = []
     for label in np.unique(numbers[numbers >= 0]):
         _, places, _ = np.nonzero(numbers == label)
         seen = alphas[np.unique(places)]
-        rows.append([str(label), f'{len(seen):,}', f'{seen[0]:.6f}', f'{seen[-1]:.6f}',
+        rows.append([f'{max(letters[numbers == label])} {label}', f'{len(seen):,}',
+                     f'{seen[0]:.6f}', f'{seen[-1]:.6f}',
                      str(keys[numbers == label][np.argmin(places)])])
     lines = [in_columns(
         [' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows)]

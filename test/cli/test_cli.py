@@ -66,8 +66,8 @@ def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path
 
 
 @pytest.mark.parametrize('name', [
-    'attractors', 'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'orbit_diagram',
-    'section'])
+    'attractors', 'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion',
+    'orbit_diagram', 'section'])
 def test_options_and_functions_have_the_same_defaults(name):
     """The command without options does what the function without arguments does."""
     parser = Parser(name)
@@ -140,8 +140,9 @@ def test_exponents_are_drawn(tmp_path):
     picture = tmp_path / 'a.png'
     assert exponents.main(['--size', '12', '9', '--impacts', '20', '--output',
                            str(tmp_path / 'a.zarr'), '--picture', str(picture)]) == 0
+    # A cell is a whole number of pixels, 67 and 89 here.
     height, width, _ = imread(picture).shape
-    assert (width, height) == (1080, 960)
+    assert (width, height) == (12 * 67 + 200, 9 * 89 + 110)
 
 
 @pytest.mark.parametrize('tool', sorted(TOOLS))

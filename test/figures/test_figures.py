@@ -11,24 +11,26 @@ from gear_rattle_ros.figures.paper import load_recipes
 from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
 
-PAPER = ['2', '3', '4', '5', '6', '7', '8a', '8b', '9a', '9b', '10', '11', '12']
+PAPER = ['1', '2', '3a', '3b', '4', '5a', '5b', '6a', '6b', '7', '8a', '8b', '9a', '9b', '10',
+         '11', '12', 'lifetime-law']
 RECIPE = """
 figure: '{figure}'
 title: Small & quick
 paper: What it shows.
-known: From the text.
-command: {command}
 agrees: 'yes'
-finding: <none>
+ours: <none>
+command: {command}
+view: {view}
+store: '{store}'
 """
+DIAGRAM = ('orbit_diagram --alpha 1.3 1.37 --columns 300 --bins 400 --trajectories 1 --keep 256 '
+           '--sweep random')
+SECTION = 'section --alpha 1.244 --initial 0 -0.5 0 --skip 0 --keep 900 --bins 300 200'
 COMMANDS = {
-    '1': 'section --alpha 0.57 --trajectories 8 --skip 500 --keep 1000 --bins 300 200 '
-         '--output {store} --picture {picture}',
-    '2a': 'orbit_diagram --alpha 1.3 1.37 --columns 300 --bins 400 --trajectories 1 '
-          '--keep 256 --sweep random --draw velocity --output {store:2} --picture {picture}',
-    '2b': 'orbit_diagram --alpha 1.3 1.37 --columns 300 --bins 400 --trajectories 1 '
-          '--keep 256 --sweep starts --draw exponent --output {store:2} --picture {picture}',
-    '3': 'basins --alpha 0.48 --size 40 --output {store} --picture {picture}',
+    '1': ('section --alpha 0.57 --trajectories 8 --skip 500 --keep 1000 --bins 300 200', '', ''),
+    '2a': (DIAGRAM, '--draw velocity', '2'), '2b': (DIAGRAM, '--draw exponent', '2'),
+    '3': ('basins --alpha 0.48 --size 40', '--mark 1 2 -1 1', ''),
+    '4a': (SECTION, '', '4'), '4b': (SECTION, '--draw impacts', '4'),
 }
 
 
@@ -38,8 +40,9 @@ def drawn(tmp_path_factory):
     folder = tmp_path_factory.mktemp('figures')
     recipes = folder / 'recipes'
     recipes.mkdir()
-    for figure, command in COMMANDS.items():
-        (recipes / f'{figure}.yaml').write_text(RECIPE.format(figure=figure, command=command))
+    for figure, (command, view, store) in COMMANDS.items():
+        (recipes / f'{figure}.yaml').write_text(RECIPE.format(
+            figure=figure, command=command, view=f"'{view}'", store=store))
     assert main(['--recipes', str(recipes), '--output', str(folder / 'out')]) == 0
     return folder / 'out'
 
@@ -48,11 +51,12 @@ def test_every_figure_of_the_paper_has_a_recipe():
     recipes = load_recipes(config_folder('figures'))
     assert list(recipes) == PAPER
     for recipe in recipes.values():
-        assert recipe.paper and recipe.known and recipe.finding
+        assert recipe.ours and bool(recipe.paper) == (recipe.agrees != 'ours')
+        assert recipe.drawing is None or recipe.drawing.exists()
 
 
 @pytest.mark.parametrize(('figure', 'size'), [
-    ('1', (420, 354)), ('2a', (1030, 530)), ('2b', (1030, None)), ('3', None)])
+    ('1', (420, 354)), ('2a', (1030, 530)), ('2b', (1030, None)), ('3', (920, 932)), ('4b', None)])
 def test_pictures_are_not_blank_and_have_their_size(drawn, figure, size):
     picture = imread(drawn / f'figure-{figure}.png')[..., :3]
     if size is not None:
@@ -86,21 +90,50 @@ def test_the_page_shows_every_figure_with_its_command(drawn):
     assert 'Small &amp; quick' in page and '&lt;none&gt;' in page
 
 
-def test_a_page_of_the_documents_has_small_pictures_and_the_commands(drawn, tmp_path):
+def test_the_page_of_the_documents_has_the_pictures_as_they_are(drawn, tmp_path):
     page = tmp_path / 'figures.md'
     assert main(['3', '--recipes', str(drawn.parent / 'recipes'), '--output', str(drawn),
                  '--page', str(page)]) == 0
     text = page.read_text()
     assert f'--page {page}' in text and 'orbit-3-1-U4.0915+0.6273' in text
     assert max(map(len, text.splitlines())) < 200
-    for figure, command in COMMANDS.items():
-        assert f'(figures/figure-{figure}.png)' in text
-        assert command.split(' --output')[0] in text.replace(' \\\n    ', ' ')
-        small = imread(tmp_path / 'figures' / f'figure-{figure}.png')
-        whole = imread(drawn / f'figure-{figure}.png')
-        assert small.shape[1] == min(600, whole.shape[1])
-        assert small.shape[0] / small.shape[1] == pytest.approx(
-            whole.shape[0] / whole.shape[1], abs=0.01)
+    for figure, (command, _, _) in COMMANDS.items():
+        assert command in text.replace(' \\\n    ', ' ')
+        for name in (f'figure-{figure}', f'figure-{figure}-paper'):
+            assert f'(figures/{name}.png)' in text
+            assert (drawn / f'{name}.pdf').read_bytes()[:5] == b'%PDF-'
+            packed, whole = (imread(folder / f'{name}.png')[..., :3] for folder in (
+                tmp_path / 'figures', drawn))
+            assert np.array_equal(packed, whole)
+
+
+def test_a_cell_of_a_grid_is_a_whole_number_of_pixels(drawn):
+    """Grey for A and black for B, as in the paper; the frame and its halo apart."""
+    from gear_rattle_ros.store.store import open_dataset
+    dataset = open_dataset(drawn / 'data' / 'figure-3.zarr')
+    letters = dict(zip(dataset['attractor_label'].values, dataset['attractor_letter'].values,
+                       strict=True))
+    inside = imread(drawn / 'figure-3-paper.png')[44:844, 90:890, :3]
+    cells = inside.reshape(40, 20, 40, 20, 3)[::-1].transpose(0, 2, 1, 3, 4).reshape(1600, 400, 3)
+    is_plain = np.all(cells == cells[:, :1], axis=(1, 2))
+    assert np.mean(is_plain) > 0.75
+    expected = np.array([{'A': 191, 'B': 0}[letters[label]] for label in
+                         dataset['label'].values.ravel()]) / 255.0
+    assert np.abs(cells[is_plain, 0, 0] - expected[is_plain]).max() < 1e-6
+
+
+def test_the_impacts_of_one_trajectory_are_drawn_in_turn(drawn):
+    """The same numbers as the section's, and those of a simulation by itself."""
+    from gear_rattle_ros import Parameters, Simulation, State
+    from gear_rattle_ros.store.store import open_dataset
+    dataset = open_dataset(drawn / 'data' / 'figure-4.zarr')
+    events = Simulation(Parameters(alpha=1.244), State(velocity=-0.5)).advance(2000, 0.0, 601)
+    assert np.allclose(dataset['impact_velocity'].values[:60], events['velocity'][1:61],
+                       rtol=0.0, atol=1e-9)
+    # The orbit of four impacts, from where the transient is over.
+    late = dataset['impact_velocity'].values[dataset.attrs['lifetime']:]
+    assert np.abs(late[4:] - late[:-4]).max() < 2e-3
+    assert dataset['count'].values[1].sum() == dataset.attrs['lifetime'] < 900
 
 
 def test_a_page_of_figures_that_were_not_made_is_refused(tmp_path, drawn, capsys):

@@ -22,12 +22,13 @@ COMMANDS = {
     'continuation': '--alpha 0.48 0.5 --columns 3 --trajectories 4 --keep 32 --hold 1000',
     'exponents': '--size 12 --impacts 5',
     'lifetimes': f'--size 12 --alpha 1.244 {SEARCH}',
+    'motion': f'--periods 2 {SEARCH}',
     'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
     'section': '--alpha 0.57 --trajectories 4 --skip 50 --keep 50 --bins 200 200',
 }
 TITLE = 'Gears & walls, λ < 0'
 every_tool = pytest.mark.parametrize('tool', [
-    pytest.param(tool, marks=() if tool in ('basins', 'crisis') else pytest.mark.long)
+    pytest.param(tool, marks=() if tool in ('basins', 'crisis', 'motion') else pytest.mark.long)
     for tool in PICTURES])
 
 
@@ -97,7 +98,8 @@ def test_a_picture_stands_beside_its_store(again: Callable[..., list[Path]], tmp
     capsys.readouterr()
     assert main([str(tmp_path / 'b.zarr')]) == 0
     assert capsys.readouterr().out == f'{tmp_path / "b.png"}\n'
-    assert imread(tmp_path / 'b.png').shape[:2] == (960, 1080)
+    # 12 cells of 67 pixels along each edge, a row for two attractors below.
+    assert imread(tmp_path / 'b.png').shape[:2] == (804 + 132, 804 + 120)
     for words, named in ((['--colours', 'rainbows'], 'rainbows'), (['--dpi', '1'], '--dpi 1'),
                          (['--picture', 'a.txt'], 'a.txt')):
         assert main([str(store), *words]) == 2

@@ -13,6 +13,7 @@ from gear_rattle_ros.cli import (
     crisis,
     exponents,
     lifetimes,
+    motion,
     orbit_diagram,
     section,
 )
@@ -26,6 +27,7 @@ SMALL = {
     crisis: '--rates 4 --escapes 40 --beyond 1e-3 1e-2 --limit 100000',
     exponents: '--size 6',
     lifetimes: '--size 6 --initial-conditions 20 --tile 3 --hold 1000 --cap 2000',
+    motion: '--periods 2 --initial-conditions 20 --hold 1000',
     orbit_diagram: '--alpha 0.48 0.5 --columns 3 --bins 20 --trajectories 3 --skip 100 '
                    '--keep 256',
     section: '--alpha 0.48 --trajectories 3 --keep 300 --skip 10 --bins 9 8'}

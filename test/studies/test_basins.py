@@ -268,10 +268,12 @@ def test_the_picture_shows_every_attractor(reference, tmp_path):
     store, label, _, attractors = reference
     figure = draw(open_dataset(store.path))
     image = figure.axes[0].images[0]
-    shares = [np.mean(np.all(image.get_array()[..., :3] == rgb(hue(number)), axis=-1))
-              for number in (0, 1)]
+    # A is the first colour, B the second.
+    shares = [np.mean(np.all(image.get_array()[..., :3] == rgb(hue('AB'.index(each.letter))),
+                             axis=-1)) for each in attractors]
     assert shares == [np.mean(label == each.label) for each in attractors]
-    words = figure.legends[0].get_texts()[0].get_text()
-    assert f'{100.0 * shares[0]:.2f} %' in words
+    words = {text.get_text()[0]: text.get_text() for text in figure.legends[0].get_texts()}
+    for share, each in zip(shares, attractors, strict=True):
+        assert f'{100.0 * share:.2f} %' in words[each.letter]
     figure.savefig(tmp_path / 'a.png')
     assert (tmp_path / 'a.png').stat().st_size > 10_000

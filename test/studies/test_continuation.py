@@ -375,7 +375,7 @@ def test_the_cascade_of_b_has_feigenbaums_ratio(tmp_path, capsys):
     assert heading.split() == ['attractor', 'event', 'alpha', '[1]', 'orbit']
     for line, (number, kind, alpha, error, key) in zip(lines, found, strict=True):
         words = line.split()
-        head = [str(number), *kind.split()]
+        head = ['ABCDEF'[number], str(number), *kind.split()]
         place, sign, _, *name = words[len(head):]
         assert (words[:len(head)], sign, name) == (head, '+-', [key] if key else [])
         assert abs(float(place) - alpha) <= error
