@@ -1,5 +1,5 @@
 """
-The boundary crisis, located by programs of another kind.
+The boundary crisis located by programs of another kind.
 
 The place where the manifolds of the saddle touch: scipy's DOP853 with events integrates eq. (3)
 itself, finds the saddle by Newton's method with differences, and follows its unstable manifold.
@@ -22,10 +22,12 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.lanes import new_tiles
 from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.studies.tangency import Boundary, find_boundary, find_tangency, radius_of
+from gear_rattle_ros.core.orbits.orbit import Orbit
+from gear_rattle_ros.studies.crisis import find_ending, radius_of, touch
+from gear_rattle_ros.studies.tangency import carry, Contact, Tangency
 
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9
-LOW, HIGH = 1.23, 1.25
+LOW, HIGH = 1.24, 1.25
 ALPHAS = (1.2347058, 1.240, 1.243, 1.2431, 1.2433, 1.2436, 1.244)
 TRAJECTORIES, LIMIT, SKIP = 64, 40_000, 300
 STEP = 0.02
@@ -84,19 +86,17 @@ def saddle_by_scipy(guess, wall, period, alpha):  # type: ignore[no-untyped-def]
     return point, derivative
 
 
-def edge_by_scipy(boundary: Boundary, place: float, impacts: int, seed: float, alpha: float
+def edge_by_scipy(contact: Contact, place: float, impacts: int, seed: float, alpha: float
                   ) -> float:
     """Return how far the unstable manifold goes beyond the stable one near a place on it."""
-    guess = boundary.at(alpha).saddle
+    guess = carry(contact.target.orbit, alpha)
     wall = -float(guess.walls[0])
     period = guess.impacts
     point, derivative = saddle_by_scipy(guess.points[0], wall, period, alpha)
     values, vectors = np.linalg.eig(derivative)
     first = int(np.argmax(np.abs(values)))
     rows = np.linalg.inv(vectors)
-    captor = boundary.at(alpha).captor.points
-    aside = min((turned(one - point) for one in captor), key=lambda one: float(np.hypot(*one)))
-    away = -math.copysign(1.0, float(rows[first] @ aside))
+    away = math.copysign(1.0, float(vectors[:, first] @ contact.source.unstable))
 
     def beyond(where: float) -> float:
         start = point + away * seed * values[first]**where * vectors[:, first]
@@ -112,21 +112,21 @@ def edge_by_scipy(boundary: Boundary, place: float, impacts: int, seed: float, a
     return beyond(place)
 
 
-def compare_tangency() -> Boundary:
-    """Print where the manifolds touch, by both programs."""
+def compare_tangency() -> tuple[Orbit, Tangency]:
+    """Print where the manifolds touch, by both programs; return the captor, and the tangency."""
     begin = time.perf_counter()
-    boundary = find_boundary(Parameters(alpha=HIGH), LOW)
-    ours = find_tangency(boundary, LOW, HIGH)
+    _, end, captor = find_ending(Parameters(), (LOW, HIGH), Plane(displacement=-0.5), '', 1)
+    ours = touch(end, lambda count: None)
     spent = time.perf_counter() - begin
     print(f'tangency, ours:          alpha_c = {ours.alpha:.10f} +- {ours.uncertainty:.0e}  '
           f'({spent:.0f} s)', flush=True)
     begin = time.perf_counter()
     # Not the same point of the manifold: farther out, where rounding grows less.
     seed = 1e-5
-    turns = math.log(seed / 1e-6) / math.log(ours.saddle.expansion)
+    turns = math.log(seed / 1e-6) / math.log(ours.contact.source.expansion)
     alphas = [ours.alpha - 2e-6, ours.alpha + 2e-6]
     places = [ours.edge.place - turns] * 2
-    edges = [edge_by_scipy(boundary, place, ours.edge.impacts, seed, alpha)
+    edges = [edge_by_scipy(ours.contact, place, ours.edge.impacts, seed, alpha)
              for place, alpha in zip(places, alphas, strict=True)]
     slope = (edges[1] - edges[0]) / (alphas[1] - alphas[0])
     peer = alphas[0] - edges[0] / slope
@@ -134,7 +134,7 @@ def compare_tangency() -> Boundary:
     print(f'tangency, scipy DOP853:  alpha_c = {peer:.10f}; at -2e-6 {edges[0]:+.2e}, at +2e-6 '
           f'{edges[1]:+.2e} across the stable manifold  ({spent:.0f} s)')
     print(f'difference {peer - ours.alpha:+.1e}', flush=True)
-    return boundary
+    return captor, ours
 
 
 def library(folder: Path) -> ctypes.CDLL | None:
@@ -162,7 +162,7 @@ def rate(lifetimes) -> str:  # type: ignore[no-untyped-def]
     return f'{escapes:4d} in {at_risk:9,.0f}  {mean}'
 
 
-def compare_escapes(boundary: Boundary, scan: ctypes.CDLL) -> None:
+def compare_escapes(captor: Orbit, tangency: Tangency, scan: ctypes.CDLL) -> None:
     """Print escapes on both sides, by both programs."""
     print(f'escapes of {TRAJECTORIES} trajectories on s = -0.5, after {SKIP} impacts and before '
           f'{LIMIT:,}: escapes in impacts at risk, mean lifetime')
@@ -174,10 +174,9 @@ def compare_escapes(boundary: Boundary, scan: ctypes.CDLL) -> None:
             peer = list(pool.map(lambda start, alpha=alpha: scan.escape(
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,
                 GAMMA, RESTITUTION, STEP), initial))
-        here = boundary.at(alpha)
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], initial, here.captor.points, radius_of(here), SKIP, TRAJECTORIES,
-            LIMIT)
+            new_tiles(1)[0], initial, carry(captor, alpha).points, radius_of(captor, tangency),
+            SKIP, TRAJECTORIES, LIMIT)
         ours = np.where(fates == CAPTURED, lifetimes, -1)
         print(f'{alpha:10.7f}  {rate(peer):38s}  {rate(ours):38s}', flush=True)
 
@@ -189,11 +188,11 @@ def main() -> None:
     except ImportError:
         print('no scipy here: pip install scipy')
         return
-    boundary = compare_tangency()
+    captor, tangency = compare_tangency()
     with tempfile.TemporaryDirectory() as folder:
         scan = library(Path(folder))
         if scan is not None:
-            compare_escapes(boundary, scan)
+            compare_escapes(captor, tangency, scan)
 
 
 if __name__ == '__main__':

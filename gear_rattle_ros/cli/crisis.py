@@ -7,7 +7,9 @@ from .run import Command
 
 
 def _add_options(parser: Parser) -> None:
-    options.add_model(parser, (1.23, 1.25), 'amplitudes before and beyond the crisis')
+    options.add_model(parser, (1.24, 1.25), 'amplitudes on both sides of the crisis')
+    parser.add_argument('--attractor', default='', metavar='KEY', help='the chaotic attractor '
+                        'that ends, as `attractors` prints it; by default the first that does')
     add(parser, 'beyond', number, (4e-6, 4e-4),
         'distances from the crisis at which escapes are timed [1]', shown='4e-6 4e-4')
     add(parser, 'rates', whole(4), 20, 'number of amplitudes at which they are')
@@ -20,5 +22,6 @@ def _add_options(parser: Parser) -> None:
     options.add_seed(parser)
 
 
-main = Command('crisis', 'Locate a boundary crisis, by the tangency of manifolds and by escape '
-               'rates, and fit the law of the lifetimes.', 'crisis.zarr', _add_options)
+main = Command('crisis', 'Locate the crisis of a chaotic attractor, by the tangency of manifolds '
+               'and by escape rates; name the orbit that it collides with.', 'crisis.zarr',
+               _add_options)

@@ -21,14 +21,15 @@ def draw_law(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     alphas, rates = dataset['alpha'].values[1:], dataset['escape_rate'].values[1:]
     errors = dataset['escape_rate_error'].values[1:]
     some = rates > 0.0
-    beyond = alphas - a['tangency_alpha']
+    direction = a['direction']
+    beyond = direction * (alphas - a['tangency_alpha'])
     figure = new_figure(WIDTH, HEIGHT, looks)
     axes = add_axes(figure, 130, 80, WIDTH - 170, HEIGHT - 150)
     axes.errorbar(beyond[some], 1.0 / rates[some], yerr=(errors / rates**2)[some], fmt='o',
                   color=looks.hue(0), markersize=5, capsize=3,
                   label='mean lifetime from escapes over impacts at risk, ± standard error')
     x = np.geomspace(0.7 * beyond[0], 1.4 * beyond[-1], 200)
-    shifted = x + a['tangency_alpha'] - a['law_alpha_c']
+    shifted = x + direction * (a['tangency_alpha'] - a['law_alpha_c'])
     axes.plot(x[shifted > 0], 1.0 / (a['law_scale'] * shifted[shifted > 0]**a['law_exponent']),
               color=looks.hue(1), label=f'law with alpha_c = {a["law_alpha_c"]:.7f} ± '
               f'{a["law_alpha_c_error"]:.1g} and exponent {a["law_exponent"]:.2f} ± '
@@ -36,17 +37,17 @@ def draw_law(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     # Anchored at the middle of the rates.
     middle = np.exp(np.mean(np.log(rates[some] * beyond[some]**-a['tangency_exponent'])))
     axes.plot(x, 1.0 / (middle * x**a['tangency_exponent']), '--', color=GREY,
-              label=f'slope {a["tangency_exponent"]:.3f} of the homoclinic tangency')
+              label=f'slope {a["tangency_exponent"]:.3f} of the {a["tangency"]} tangency')
     axes.set(xscale='log', yscale='log')
-    axes.set_xlabel(f'alpha − {a["tangency_alpha"]:.8f} [1]   (tangency of the manifolds)',
-                    fontsize=12)
+    axes.set_xlabel(f'distance from alpha = {a["tangency_alpha"]:.8f}, where the manifolds touch '
+                    '[1]', fontsize=12)
     axes.set_ylabel('mean lifetime of the transient [impacts]', fontsize=12)
     axes.yaxis.set_major_formatter(FuncFormatter(thousands))
     axes.grid(which='both', color='#e8e8e8', linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(loc='lower left', fontsize=10, framealpha=0.95)
-    figure.text(0.144, 0.955, looks.title or 'Lifetimes diverge at the boundary crisis',
-                fontsize=13)
-    figure.text(0.144, 0.915, f'the paper prints alpha_c = {a["paper_alpha"]}, which lies '
-                f'{a["tangency_alpha"] - a["paper_alpha"]:.4f} below', fontsize=10, color=GREY)
+    figure.text(0.144, 0.955, looks.title or 'Lifetimes diverge at the boundary crisis of '
+                f'{a["attractor"]}', fontsize=13)
+    figure.text(0.144, 0.915, f'it collides with the saddle {a["saddle"]}', fontsize=10,
+                color=GREY)
     return figure

@@ -1,53 +1,72 @@
 """
-The critical alpha of a boundary crisis, by two methods that share nothing but the flight.
+The critical alpha of a crisis, by two methods that share nothing but the flight.
 
-The tangency of the manifolds of the saddle gives it to many digits; the rates at which
-trajectories escape beyond it, fitted by a law in which it is free, check that and give the
-exponent of the lifetimes.
+The tangency of manifolds gives it to many digits, and the orbit with which the attractor collides.
+The rates at which trajectories escape beyond it, fitted by a law in which it is free, check that
+and give the exponent of the lifetimes.
 """
 
 import dataclasses
 import math
-from typing import Final, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
 from .attractors import require_window
-from .escape_rates import fit_exponent, fit_law
+from .endings import Captor, End, find_end, Herd, spread_out, watch
+from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
-from .tangency import find_boundary, find_tangency, radius_of, SEARCHES, Tangency
+from .tangency import birth_of, carry, find_contact, find_tangency, SEARCHES, Tangency
 from .work import Arrays, Study, Work, WorkOptions
+from ..attractors.finding import find_attractors
 from ..attractors.listing import named
-from ..attractors.plane import Plane
+from ..attractors.plane import Plane, STATE
 from ..core.defaults import SEED
 from ..core.model import Parameters
+from ..core.orbits.orbit import Orbit
+from ..core.orbits.section import distances
 from ..core.words import counted, in_columns
 from ..store.store import Store
 
 # What the paper prints, and the amplitudes of its figures on either side.
 PAPER: Final = 1.2347058
 PAPER_BRACKET: Final = (1.230, 1.244)
+# Impacts for which an attractor is watched, initial conditions that are followed to find it, and
+# the step, in parts of the window, with which it is followed to its end, whose alpha is then
+# known to the tolerance [1].
+HOLD: Final = 20_000
+SOUGHT: Final = 256
+STEPS: Final = 16
+TOLERANCE: Final = 1e-6
+# The manifolds are compared this far from the end, in its uncertainty, and farther if need be.
+ASIDE: Final = (20.0, 100.0)
 # Before the crisis nothing escapes; trajectories are watched over this number of impacts.
 BEFORE: Final = 100_000
+# A trajectory is captured this near to an orbit, or a tenth of the way to the saddle [rad, 1].
+CAPTURED: Final = 0.02
 
 
 @Study
-def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
-           plane: Plane | None = None, *, beyond: tuple[float, float] = (4e-6, 4e-4),
-           rates: int = 20, escapes: int = 80, skip: int = 300, limit: int = 50_000_000,
-           seed: int = SEED, **options: Unpack[WorkOptions]) -> Store:
+def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.24, 1.25),
+           plane: Plane | None = None, *, attractor: str = '',
+           beyond: tuple[float, float] = (4e-6, 4e-4), rates: int = 20, escapes: int = 80,
+           skip: int = 300, limit: int = 50_000_000, seed: int = SEED,
+           **options: Unpack[WorkOptions]) -> Store:
     """
-    Locate a boundary crisis, by the tangency of manifolds and by escape rates.
+    Locate the crisis of a chaotic attractor, by the tangency of manifolds and by escape rates.
 
-    The dataset has lifetimes and escape rates by alpha; the crisis and its law as attributes.
+    The dataset has lifetimes and escape rates by alpha; the crisis, the orbit with which the
+    attractor collides and the law as attributes.
 
     Parameters
     ----------
     parameters, alphas
-        The model, and its amplitudes before and beyond the crisis [1].
+        The model, and its amplitudes on both sides of the crisis [1].
     plane, seed
         The window from which initial conditions are drawn, and their seed; by default it lies at
         s = -0.5, because off the walls hardly any sticks: those that do go on as one trajectory.
+    attractor : str
+        Its key at one of the amplitudes; by default the first that ends between them.
     beyond : tuple of float
         Distances from the crisis at which escapes are timed [1].
     rates, escapes : int
@@ -58,47 +77,113 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.23, 1.25),
     """
     work, plane = Work(**options), plane or Plane(displacement=-0.5)
     require_window(alphas)
-    low, high = alphas
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')
-    parameters = dataclasses.replace(parameters, alpha=high)
-    boundary = find_boundary(parameters, low, seed)
     with work.report('crisis, searches of the manifold', SEARCHES) as progress:
-        tangency = find_tangency(boundary, low, high, progress.add)
-    places = amplitudes(tangency, *beyond, rates)
-    boundaries = [boundary.at(alpha) for alpha in places]
+        key, end, captor = find_ending(parameters, alphas, plane, attractor, seed)
+        tangency = touch(end, progress.add)
+    places = amplitudes(tangency.alpha, end.direction, *beyond, rates)
     store = compute(Escapes(
         places, parameters, plane, escapes, seed, skip, limit, min(limit, BEFORE),
-        tuple(one.captor.points for one in boundaries),
-        min(radius_of(one) for one in boundaries)), tangency, work)
+        tuple(carry(captor, alpha).points for alpha in places), radius_of(captor, tangency)),
+        {'attractor': key, 'captor': captor.key, 'direction': end.direction,
+         **attributes_of(tangency)}, work)
     write_law(store)
     return store
 
 
-def amplitudes(tangency: Tangency, nearest: float, farthest: float, count: int
+def find_ending(parameters: Parameters, alphas: tuple[float, float], plane: Plane, key: str,
+                seed: int) -> tuple[str, End, Orbit]:
+    """Find the first that ends in a crisis, from either alpha: its key, end and captor."""
+    seen: list[str] = []  # the chaotic attractors, and what becomes of them
+    for inside, outside in (alphas, alphas[::-1]):
+        here = dataclasses.replace(parameters, alpha=inside)
+        found = find_attractors(here, plane.draw(here, SOUGHT, seed), hold=HOLD)
+        for one in found.attractors:
+            if one.chaos is None or key not in ('', one.key):
+                if one.chaos is not None:
+                    seen.append(f'{one.key} at {inside:g}')
+                continue
+            herd: Herd | Captor = watch(here, spread_out(here, np.array(
+                [one.chaos.states[0][name] for name in STATE])), HOLD)
+            if not isinstance(herd, Herd):
+                continue
+            end = find_end(herd, math.copysign(1.0, outside - inside),
+                           abs(outside - inside) / STEPS, outside, TOLERANCE, HOLD)
+            if end and end.kind == 'crisis' and isinstance(end.captor, Orbit):
+                return one.key, end, end.captor
+            seen.append(f'{one.key} at {inside:g} ' + (
+                f'ends at {end.alpha:.6f}: {end.kind}' if end else 'lasts all along'))
+    raise ValueError(
+        f'no crisis of {key or "a chaotic attractor"} between alpha = {alphas[0]:g} and '
+        f'{alphas[1]:g}; chaotic there: {", ".join(seen) or "nothing"}; give another --alpha')
+
+
+def touch(end: End, searched: Any) -> Tangency:
+    """Find the tangency at which an attractor ends; ValueError where no manifolds touch there."""
+    for aside in ASIDE:
+        inside, outside = (end.alpha + side * end.direction * aside * end.uncertainty
+                           for side in (-1.0, 1.0))
+        contact = find_contact(end.last, inside, outside)
+        if contact is not None:
+            return find_tangency(contact, inside, outside, searched)
+    raise ValueError(f'no manifold touches that of a saddle near alpha = {end.alpha:.7f}, where '
+                     'trajectories begin to escape; give another bracket')
+
+
+def attributes_of(tangency: Tangency) -> dict[str, Any]:
+    """Describe a tangency by attributes of a dataset."""
+    contact, saddle = tangency.contact, tangency.contact.target
+    birth = birth_of(saddle.orbit)
+    return {
+        'saddle': saddle.orbit.canonical().name, 'saddle_impacts': saddle.orbit.impacts,
+        'saddle_drive_periods': saddle.orbit.drive_periods,
+        'saddle_expansion': saddle.expansion, 'saddle_contraction': saddle.contraction,
+        'saddle_born': birth.change.value if birth else '',
+        'saddle_born_alpha': birth.alpha if birth else math.nan,
+        'tangency': 'homoclinic' if contact.is_homoclinic else 'heteroclinic',
+        'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
+        'tangency_exponent': contact.lifetime_exponent}
+
+
+def radius_of(captor: Orbit, tangency: Tangency) -> float:
+    """Choose how near to an orbit a trajectory is captured; rounded, the same on every machine."""
+    saddle = tangency.contact.target.orbit
+    apart = distances(captor.velocities[:, None], captor.phases[:, None], saddle.velocities,
+                      saddle.phases)
+    return round(min(CAPTURED, 0.1 * float(np.min(apart))), 6)
+
+
+def amplitudes(alpha: float, direction: float, nearest: float, farthest: float, count: int
                ) -> tuple[float, ...]:
-    """Choose where escapes are timed: the tangency gives where, the law is fitted without it."""
-    # One alpha before the crisis, then equal steps of the logarithm.
+    """
+    Choose where escapes are timed: one alpha before the crisis, then equal steps of the logarithm.
+
+    The tangency only gives where to look; the law is fitted without it.
+    """
     beyond = np.geomspace(nearest, farthest, count)
-    return tuple(float(round(tangency.alpha + d, 9)) for d in (-2.0 * nearest, *beyond))
+    return tuple(float(round(alpha + direction * d, 9)) for d in (-2.0 * nearest, *beyond))
 
 
 def write_law(store: Store) -> None:
     """Fit the law of the lifetimes to a complete store, the place of the crisis free; write it."""
-    rates = rates_of(store.read_all('lifetime'), store.read_all('fate'),
+    timed = rates_of(store.read_all('lifetime'), store.read_all('fate'),
                      store.attrs['impacts_skipped'])
-    some = [k for k, rate in enumerate(rates) if k > 0 and rate.escapes >= 10]
-    # Weighed by their counts: the errors of few escapes scatter themselves.
-    data = (store.read_all('alpha')[some], [rates[k].rate for k in some],
-            [rates[k].rate / math.sqrt(rates[k].escapes) for k in some])
-    law = fit_law(*data)
-    exponent, exponent_error = fit_exponent(*data, store.attrs['tangency_alpha'])
-    store.write_table({name: (('alpha',), np.array([getattr(rate, field) for rate in rates]),
+    store.write_table({name: (('alpha',), np.array([getattr(rate, field) for rate in timed]),
                               named(words, units)) for name, field, words, units in (
         ('escape_rate', 'rate', 'escape rate, from escapes over impacts at risk', '1/impact'),
         ('escape_rate_error', 'error', 'its standard error', '1/impact'),
         ('escapes', 'escapes', 'trajectories that escaped', '1'),
         ('at_risk', 'at_risk', 'impacts at risk', 'impacts'))})
+    alphas, rates, escapes = (store.read_all(name)
+                              for name in ('alpha', 'escape_rate', 'escapes'))
+    direction = store.attrs['direction']
+    some = [k for k in range(1, len(alphas)) if escapes[k] >= 10]
+    # Weighed by their counts: the errors of few escapes scatter themselves.
+    data = direction * alphas[some], rates[some], rates[some] / np.sqrt(escapes[some])
+    law = fit_law(*data)
+    exponent, exponent_error = fit_exponent(*data, direction * store.attrs['tangency_alpha'])
+    law = dataclasses.replace(law, alpha_c=direction * law.alpha_c)
     store.set_attributes({f'law_{name}': float(value)
                           for name, value in dataclasses.asdict(law).items()})
     store.set_attributes({'exponent_at_tangency': exponent,
@@ -106,27 +191,33 @@ def write_law(store: Store) -> None:
 
 
 def describe(dataset: Arrays) -> str:
+    """Put a crisis in words."""
     a = dataset.attrs
-    alpha, apart = a['tangency_alpha'], a['law_alpha_c'] - a['tangency_alpha']
-    inside = PAPER_BRACKET[0] < alpha < PAPER_BRACKET[1]
+    law = LifetimeLaw(**{field.name: a[f'law_{field.name}']
+                         for field in dataclasses.fields(LifetimeLaw)})
+    alpha, apart = a['tangency_alpha'], law.alpha_c - a['tangency_alpha']
+    born = (f', born in a {a["saddle_born"]} at alpha = {a["saddle_born_alpha"]:.9f}'
+            if a['saddle_born'] else '')
     lines = [
-        f'captor and saddle of {counted(a["saddle_impacts"], "impact")} in '
-        f'{counted(a["saddle_drive_periods"], "drive period")}, born in a fold at alpha = '
-        f'{a["fold_alpha"]:.9f}',
+        f'boundary crisis of {a["attractor"]}; {a["captor"]} captures what escapes',
+        f'it collides with the saddle {a["saddle"]} of '
+        f'{counted(a["saddle_impacts"], "impact")} in '
+        f'{counted(a["saddle_drive_periods"], "drive period")}{born}',
         in_columns(['found from', 'alpha_c [1]', 'exponent of the lifetime [1]'], [
-            ['tangency of its manifolds', f'{alpha:.10f} +- {a["tangency_uncertainty"]:.1g}',
-             f'{a["tangency_exponent"]:.4f} for a homoclinic one'],
-            ['escape rates', f'{a["law_alpha_c"]:.7f} +- {a["law_alpha_c_error"]:.1g}',
-             f'{a["law_exponent"]:.3f} +- {a["law_exponent_error"]:.3f}, chi^2 per degree of '
-             f'freedom {a["law_chi_square"]:.1f}'],
+            [f'{a["tangency"]} tangency',
+             f'{alpha:.10f} +- {a["tangency_uncertainty"]:.1g}',
+             f'{a["tangency_exponent"]:.4f} in the limit'],
+            ['escape rates', f'{law.alpha_c:.7f} +- {law.alpha_c_error:.1g}',
+             f'{law.exponent:.3f} +- {law.exponent_error:.3f}, chi^2 per degree of freedom '
+             f'{law.chi_square:.1f}'],
             ['escape rates, alpha_c given', f'{alpha:.10f}',
              f'{a["exponent_at_tangency"]:.3f} +- {a["exponent_at_tangency_error"]:.3f}']]),
-        f'both places differ by {apart:.1g}, {abs(apart) / a["law_alpha_c_error"]:.1f} standard '
-        'errors',
+        f'both places differ by {apart:.1g}, {abs(apart) / law.alpha_c_error:.1f} standard errors',
         f'before it, at alpha = {dataset["alpha"].values[0]:.7f}: '
         f'{counted(dataset["escapes"].values[0], "escape")} in '
-        f'{dataset["at_risk"].values[0]:.3g} impacts',
-        f'the paper prints alpha_c = {PAPER}; the difference is {alpha - PAPER:+.7f}, and its '
-        f'bracket {PAPER_BRACKET[0]:.3f} to {PAPER_BRACKET[1]:.3f} '
-        f'{"holds" if inside else "does not hold"} what is found here']
+        f'{dataset["at_risk"].values[0]:.3g} impacts']
+    if PAPER_BRACKET[0] < alpha < PAPER_BRACKET[1]:
+        lines.append(f'the paper prints alpha_c = {PAPER}; the difference is '
+                     f'{alpha - PAPER:+.7f}, and its bracket {PAPER_BRACKET[0]:.3f} to '
+                     f'{PAPER_BRACKET[1]:.3f} holds what is found here')
     return '\n'.join(lines)

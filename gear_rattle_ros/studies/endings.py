@@ -84,6 +84,7 @@ class End:
     uncertainty: float  # how far off alpha can be [1]
     captor: Captor  # what trajectories settle on: of a window where it is born, else beyond
     last: Herd  # that did not escape
+    direction: float = 1.0  # in which alpha went, +1 or -1
 
 
 def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
@@ -227,7 +228,7 @@ def _crisis(herd: Herd, direction: float, step: float, captor: Captor, hold: int
         if law.alpha_c_error < uncertainty:
             beyond = min(max(law.alpha_c, -hidden), high)
             uncertainty = max(law.alpha_c_error, step, abs(law.alpha_c - beyond))
-    return End(kind, low + direction * beyond, uncertainty, captor, herd)
+    return End(kind, low + direction * beyond, uncertainty, captor, herd, direction)
 
 
 def returns(parameters: Parameters, herd: Herd, hold: int) -> bool:

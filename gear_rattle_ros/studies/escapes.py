@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from .attractors import identity_of
-from .tangency import Tangency
 from .work import Work
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
@@ -55,7 +54,7 @@ class Escapes:
         return 2 * self.wanted_of_part + LANES
 
 
-def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
+def layout_of(escapes: Escapes, attributes: dict[str, Any]) -> Layout:
     """Return the layout of the store: a tile for each part of each alpha."""
     plane, of_each = escapes.plane, ('alpha', 'part', 'trajectory')
     identity = identity_of(
@@ -65,7 +64,6 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
         impacts_limit=escapes.limit, impacts_limit_before=escapes.limit_before,
         capture_radius=escapes.radius)
     del identity['alpha'], identity['velocity_window']
-    saddle = tangency.saddle
     return Layout(
         (Axis('alpha', np.array(escapes.alphas), named('amplitude of the drive'), 1),
          Axis('part', np.arange(PARTS), named('independent part', None), 1),
@@ -76,11 +74,7 @@ def layout_of(escapes: Escapes, tangency: Tangency) -> Layout:
          Variable('fate', of_each, '|i1', named(
              '1 captured, 0 given up, 2 settled on another stable orbit, -1 came to rest, -2 not '
              'begun', None))),
-        identity,
-        {'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
-         'tangency_exponent': saddle.lifetime_exponent, 'saddle_expansion': saddle.expansion,
-         'saddle_contraction': saddle.contraction, 'saddle_impacts': saddle.orbit.impacts,
-         'saddle_drive_periods': saddle.orbit.drive_periods, 'fold_alpha': tangency.fold})
+        identity, attributes)
 
 
 def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
@@ -108,10 +102,10 @@ def rates_of(lifetimes: npt.NDArray[Any], fates: npt.NDArray[Any], skip: int) ->
                 lifetimes, fates, np.isin(fates, (CAPTURED, SURVIVED)), strict=True)]
 
 
-def compute(escapes: Escapes, tangency: Tangency, work: Work) -> Store:
-    store = work.begin(layout_of(escapes, tangency))
+def compute(escapes: Escapes, attributes: dict[str, Any], work: Work) -> Store:
+    store = work.begin(layout_of(escapes, attributes))
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
-    distances = np.abs(np.array(escapes.alphas) - tangency.alpha)
+    distances = np.abs(np.array(escapes.alphas) - attributes['tangency_alpha'])
     weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)
     with work.pending('crisis', store, lambda tile: int(weights[tile])) as (tiles, finished):
         work.run(functools.partial(time_escapes, escapes, store.path), tiles, finished)

@@ -1,153 +1,217 @@
-"""The alpha of a boundary crisis, where the manifolds of the saddle on the boundary touch."""
+"""The alpha of a crisis, where an unstable manifold first touches the stable one of a saddle."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import dataclasses
+import math
 from typing import Any, Final
 
-import numpy as np
-
-from ..attractors.finding import find_attractors
-from ..attractors.plane import Plane
+from .endings import Herd
+from ..attractors.plane import at_parameters
+from ..core.arrays import RecordArray
+from ..core.many.chaotic_sets import enough_of, orbits_in, shortest_orbit
+from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
-from ..core.orbits.branches import Change, follow
+from ..core.orbits.branches import Change, follow, Turn
 from ..core.orbits.manifolds import (
     ACROSS,
     Edge,
     find_edge,
-    NEVER,
     Saddle,
     saddle_of,
     SEED_DISTANCE,
 )
 from ..core.orbits.orbit import close_orbit, Orbit
-from ..core.orbits.section import distances
 from ..core.words import counted
 
-# Impacts after which trajectories are given up.
-HOLD: Final = 20_000
-# An orbit is carried on in alpha in steps no longer than this.
-STEP: Final = 2e-3
 # The distance is taken to be smooth in alpha where it is below this [1].
 SMOOTH: Final = 0.2 * ACROSS / 25.0
-# How far below and above the bracket the captor is followed for its fold [1].
+# Each step towards the root is shorter than the last at least by this factor.
+CONVERGES: Final = 0.7
+# Where the distance jumps, the place is found by bisection to this [1].
+JUMP: Final = 1e-9
+# How far from its alpha an orbit is followed for its birth [1].
 BEYOND: Final = 0.3
-ROOT: Final = 1e-12
-MOST_STEPS: Final = 60
 # Searches of the manifold with shifted samples at the end.
 SHIFTS: Final = 5
 # Searches of the manifold in all, nearly.
-SEARCHES: Final = 24 + SHIFTS
+SEARCHES: Final = 60 + SHIFTS
+# Impacts of each trajectory that are searched for orbits, and the longest of these.
+SEARCHED: Final = 16_384
+LONGEST: Final = 16
+# Samples of a manifold, their impacts and the maxima that are refined; samples at the end.
+SCREEN: Final[Any] = {'samples': 3000, 'impacts': 120, 'candidates': 6}
+FINE: Final = 20_000
 
 
 @dataclasses.dataclass(frozen=True)
-class Boundary:
-    """An orbit that captures, the saddle on its boundary, and the alpha where both are born."""
+class Contact:
+    """Two saddles, the unstable manifold of one leading to the stable one of the other."""
 
-    captor: Orbit
-    saddle: Orbit
-    fold: float
+    source: Saddle  # in the attractor, or the same as the target
+    target: Saddle  # with which the attractor collides
 
-    def at(self, alpha: float) -> 'Boundary':
-        """Carry both orbits to another alpha; ValueError where one ends on the way."""
-        return Boundary(carry(self.captor, alpha), carry(self.saddle, alpha), self.fold)
+    def at(self, alpha: float) -> 'Contact':
+        """Carry both to another alpha; ValueError where one ends on the way."""
+        target = saddle_of(carry(self.target.orbit, alpha), self.target.unstable)
+        orbit = target.orbit if self.is_homoclinic else carry(self.source.orbit, alpha)
+        return Contact(saddle_of(orbit, self.source.unstable), target)
+
+    def edge(self, alpha: float, sides: tuple[bool, ...] = (False, True), **how: Any
+             ) -> tuple[Edge, bool]:
+        """
+        Find the edge at another alpha, and whether it is that on the other side of the target.
+
+        They cross where there are returns on both sides, so the lesser edge counts.
+        """
+        here = self.at(alpha)
+        return min(((find_edge(here.source, here.target.other_side if side else here.target,
+                               **how), side) for side in sides),
+                   key=lambda found: found[0].distance)
+
+    def begins(self, inside: float, outside: float) -> bool:
+        """Whether the manifolds cross at one alpha and not at another."""
+        return (self.edge(outside, **SCREEN)[0].distance > 0.0
+                > self.edge(inside, **SCREEN)[0].distance)
 
     @property
-    def directions(self) -> Saddle:
-        return saddle_of(self.saddle, self.captor)
+    def is_homoclinic(self) -> bool:
+        """Whether both are one orbit."""
+        return self.source.orbit is self.target.orbit
+
+    @property
+    def lifetime_exponent(self) -> float:
+        """Exponent of the lifetimes beyond it (Grebogi, Ott & Yorke 1986)."""
+        out, into = (math.log(abs(m)) for m in (self.source.expansion, self.source.contraction))
+        return into / (2.0 * (out + into)) if self.is_homoclinic else 0.5 + out / abs(into)
 
 
 @dataclasses.dataclass(frozen=True)
 class Tangency:
-    """The crisis, where the manifolds touch, and how well its alpha is located [1]."""
+    """Where the manifolds touch, and how well its alpha is located [1]."""
 
     alpha: float
     uncertainty: float
-    saddle: Saddle
-    fold: float  # alpha where the captor and the saddle are born [1]
-    edge: Edge  # of the manifold, nearly there
+    contact: Contact
+    edge: Edge  # nearly there
 
 
 def carry(orbit: Orbit, alpha: float) -> Orbit:
     """Follow an orbit to another alpha, without a fold between; ValueError where it ends."""
     now = orbit.parameters.alpha
-    for value in np.linspace(now, alpha, max(2, 1 + round(abs(alpha - now) / STEP)))[1:]:
-        parameters = dataclasses.replace(orbit.parameters, alpha=float(value))
-        carried = close_orbit(orbit.walls, orbit.points, parameters)
-        if carried is None:
-            raise ValueError(f'the orbit of {counted(orbit.impacts, "impact")} cannot be followed '
-                             f'to alpha = {alpha:g}; give a narrower bracket')
-        orbit = carried
-    return orbit
+    if alpha == now:
+        return orbit
+    branch = follow(orbit, math.copysign(1.0, alpha - now), min(now, alpha), max(now, alpha))
+    for near in sorted(branch.orbits, key=lambda one: abs(one.parameters.alpha - alpha)):
+        carried = close_orbit(near.walls, near.points,
+                              dataclasses.replace(orbit.parameters, alpha=alpha))
+        if carried is not None and carried.impacts == orbit.impacts:
+            return carried
+        break
+    raise ValueError(f'the orbit of {counted(orbit.impacts, "impact")} cannot be followed to '
+                     f'alpha = {alpha:g}; give a narrower bracket')
 
 
-def find_boundary(parameters: Parameters, low: float, seed: int = 1) -> Boundary:
-    """Find the orbit that captures trajectories beyond a crisis, and its saddle."""
-    # The crisis lies between `low` and the alpha of the parameters, where all trajectories are
-    # captured in the end. ValueError where none is by a periodic orbit, or that has no saddle.
-    found = find_attractors(parameters, Plane().draw(parameters, 64, seed), hold=HOLD,
-                            chaotic=False)
-    if not found.orbits:
-        raise ValueError(f'alpha = {parameters.alpha:g}: no trajectory settles on a periodic '
-                         'orbit; give a bracket that ends beyond the crisis')
-    captor = found.orbits[int(np.argmax(np.bincount(
-        found.labels[found.labels >= 0], minlength=len(found.orbits))))]
+def birth_of(orbit: Orbit) -> Turn | None:
+    """Find where an orbit was born, or branched off; None where its branch does not show it."""
+    alpha = orbit.parameters.alpha
     for direction in (-1.0, 1.0):
-        branch = follow(captor, direction, low - BEYOND, parameters.alpha + BEYOND)
-        folds = [turn.alpha for turn in branch.turns if turn.change is Change.FOLD]
-        saddles = [orbit for orbit in branch.orbits if orbit.multipliers[0].real > 1.0]
-        if folds and saddles:
-            nearest = min(saddles, key=lambda o: abs(o.parameters.alpha - parameters.alpha))
-            return Boundary(captor, carry(nearest, parameters.alpha), folds[0])
-    raise ValueError(f'alpha = {parameters.alpha:g}: no saddle belongs to the orbit of '
-                     f'{counted(captor.impacts, "impact")}')
+        branch = follow(orbit, direction, max(0.0, alpha - BEYOND), alpha + BEYOND,
+                        to_first_turn=True)
+        for turn in branch.turns:
+            if turn.change in (Change.FOLD, Change.PITCHFORK):
+                return turn
+    return None
 
 
-def find_tangency(boundary: Boundary, low: float, high: float,
+def find_contact(herd: Herd, inside: float, outside: float) -> Contact | None:
+    """
+    Find with which orbit an attractor collides between an alpha where it is and one beyond.
+
+    Candidates are the saddles that trajectories visit beyond and not before. None where no
+    manifold begins to cross that of one of them.
+    """
+    within, beyond = (dataclasses.replace(herd.parameters, alpha=alpha)
+                      for alpha in (inside, outside))
+    named = shortest_orbit(within, enough_of(within, _impacts(within, herd.states)))
+    if named is None:
+        return None
+    leaves = saddle_of(named)
+    others: list[Contact] = []
+    for orbit in _saddles(beyond, _impacts(beyond, herd.states)):
+        try:
+            meets = saddle_of(carry(orbit, inside))
+            through = [Contact(source, meets) for source in _sides(leaves)]
+            through = [one for one in through if one.begins(inside, outside)]
+            if not through:
+                continue
+            # On the boundary lies the saddle whose own manifold leads into the attractor; what
+            # has passed it crosses the manifolds of others, too.
+            for own in _sides(meets):
+                if Contact(own, meets).begins(inside, outside):
+                    return Contact(own, meets)
+            others += through
+        except ValueError:
+            continue
+    return others[0] if others else None
+
+
+def _sides(saddle: Saddle) -> tuple[Saddle, ...]:
+    # Trajectories beside an orbit that changes sides are on both.
+    return (saddle,) if saddle.turns == 2 else (saddle, saddle.other_side)
+
+
+def _impacts(parameters: Parameters, states: RecordArray) -> RecordArray:
+    rows, counts = record_impacts(at_parameters(parameters, states), 0, SEARCHED)
+    return rows[counts == SEARCHED]
+
+
+def _saddles(parameters: Parameters, rows: RecordArray) -> Iterator[Orbit]:
+    for q in range(1, LONGEST + 1):
+        for orbit in orbits_in(parameters, rows, q):
+            first, second = orbit.multipliers
+            if first.imag == 0.0 and abs(first) > 1.0 > abs(second):
+                yield orbit
+
+
+def find_tangency(contact: Contact, inside: float, outside: float,
                   searched: Callable[[int], None] = lambda count: None) -> Tangency:
-    """Find where the unstable manifold of the saddle first crosses its stable one."""
-    # Bisection is followed by secants once the distance is smooth; a finer search at the end gives
-    # part of the uncertainty. `searched` is called with the searches of the manifold made.
-    # ValueError where `low` and `high` do not bracket a crisis.
-    def look(alpha: float, **how: Any) -> Edge:
-        searched(1)
-        return find_edge(boundary.at(alpha).directions, **how)
+    """
+    Find the alpha between two others at which the manifolds of a contact first touch.
 
-    below, above = look(low), look(high)
-    if below.distance > 0.0 or above.distance < 0.0:
-        raise ValueError(f'no crisis between alpha = {low:g} and {high:g}: escape is '
-                         f'{"possible" if below.distance > 0.0 else "impossible"} at both; give '
-                         'another bracket')
+    Bisection is followed by secants once the distance is smooth; a finer search at the end gives
+    part of the uncertainty. Where an impact is gained or lost at the edge the distance jumps, and
+    bisection alone locates it. `searched` is called with the searches of the manifold made.
+    """
+    def look(alpha: float, *sides: bool, **how: Any) -> tuple[Edge, bool]:
+        searched(1)
+        return contact.edge(alpha, sides or (False, True), **{**SCREEN, **how})
+
+    (below, side), (above, _) = look(inside), look(outside)
     while abs(below.distance) > SMOOTH or abs(above.distance) > SMOOTH:
-        middle = 0.5 * (low + high)
-        edge = look(middle)
+        if abs(outside - inside) < JUMP:
+            alpha = 0.5 * (inside + outside)
+            return Tangency(alpha, abs(outside - inside), contact.at(alpha), above)
+        middle = 0.5 * (inside + outside)
+        edge, binding = look(middle)
         if edge.distance < 0.0:
-            low, below = middle, edge
+            inside, below, side = middle, edge, binding
         else:
-            high, above = middle, edge
-        if high - low < 1e-9:
-            raise ValueError(f'the distance jumps at alpha = {low:.9g}: this is not a tangency')
-    roots, slope = [], (above.distance - below.distance) / (high - low)
+            outside, above = middle, edge
+    roots, slope = [], (above.distance - below.distance) / (outside - inside)
     for seed in (SEED_DISTANCE, 3.0 * SEED_DISTANCE):
-        alpha, edge = low, look(low, seed=seed)
-        for _ in range(MOST_STEPS):
-            edge = look(alpha, near=edge.place, seed=seed)
-            if edge.distance == NEVER or abs(edge.distance / slope) < ROOT:
+        alpha, edge = inside, look(inside, side, seed=seed)[0]
+        step = outside - inside
+        while True:
+            edge = look(alpha, side, near=edge.place, seed=seed, samples=FINE)[0]
+            # Rounding ends the approach, before that a fold of the manifold.
+            if abs(edge.distance / slope) >= CONVERGES * abs(step):
                 break
-            alpha -= edge.distance / slope
+            step = edge.distance / slope
+            alpha -= step
         roots.append((alpha, edge))
     (alpha, edge), (other, _) = roots
     # A narrower fold that crosses earlier would show here.
-    missed = max(0.0, *(look(alpha, impacts=100, offset=shift / SHIFTS).distance / slope
-                        for shift in range(SHIFTS)))
-    uncertainty = max(abs(other - alpha), missed, abs(edge.distance) / slope, 1e-10)
-    return Tangency(alpha - missed, uncertainty, boundary.at(alpha).directions, boundary.fold,
-                    edge)
-
-
-def radius_of(boundary: Boundary) -> float:
-    """Choose how near to the captor a trajectory counts as captured [rad, 1]."""
-    # A tenth of the way to the saddle at their nearest points, rounded: the same on every machine.
-    captor, saddle = boundary.captor, boundary.saddle
-    apart = distances(captor.velocities[:, None], captor.phases[:, None], saddle.velocities,
-                      saddle.phases)
-    return round(0.1 * float(np.min(apart)), 6)
+    missed = max(0.0, *(look(alpha, side, samples=FINE, offset=shift / SHIFTS)[0].distance
+                        for shift in range(SHIFTS))) / slope
+    uncertainty = max(abs(other - alpha), abs(missed), abs(edge.distance / slope), 1e-10)
+    return Tangency(alpha - missed, uncertainty, contact.at(alpha), edge)

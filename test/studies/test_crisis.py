@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.crisis import main
 from gear_rattle_ros.core.flight.lanes import new_tiles
@@ -15,26 +16,47 @@ from gear_rattle_ros.core.many.escape import (
     UNUSED,
 )
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.core.orbits.manifolds import find_edge
+from gear_rattle_ros.core.orbits.branches import Change, follow
+from gear_rattle_ros.core.orbits.manifolds import saddle_of
 from gear_rattle_ros.store.store import open_dataset
 from gear_rattle_ros.studies.crisis import PAPER, PAPER_BRACKET
 from gear_rattle_ros.studies.escape_rates import fit_exponent, fit_law
-from gear_rattle_ros.studies.tangency import find_boundary, radius_of
+from gear_rattle_ros.studies.tangency import birth_of, carry, Contact, find_tangency
+
+# Of the captor at which a trajectory is captured [rad, 1].
+RADIUS = 0.02
 
 
 @pytest.fixture(scope='module')
-def boundary():
-    """Find the orbit of four impacts and its saddle."""
-    return find_boundary(Parameters(alpha=1.25), 1.23)
+def captor():
+    """Find the orbit of four impacts that captures what escapes beyond the crisis."""
+    parameters = Parameters(alpha=1.25)
+    found = find_attractors(parameters, Plane().draw(parameters, 64, 1), hold=20_000,
+                            chaotic=False)
+    return next(orbit for orbit in found.orbits if orbit.impacts == 4)
 
 
-def escapes_at(boundary, alpha, trajectories, limit):
+@pytest.fixture(scope='module')
+def saddle(captor):
+    """Follow that orbit through the fold in which it was born, to the saddle beside it."""
+    orbits = follow(captor, -1.0, 1.0, 1.3).orbits
+    return carry(min((one for one in orbits if one.multipliers[0].real > 1.0),
+                     key=lambda one: abs(one.parameters.alpha - 1.25)), 1.25)
+
+
+def contact_of(saddle):
+    """Return the contact of a saddle with itself, from the side that stays in the attractor."""
+    side = saddle_of(saddle)
+    sides = [Contact(one, side) for one in (side, side.other_side)]
+    return next(one for one in sides if one.begins(1.2430, 1.2436))
+
+
+def escapes_at(captor, alpha, trajectories, limit):
     """Time escapes at an alpha."""
     parameters = Parameters(alpha=alpha)
     initial = Plane().draw(parameters, trajectories, 5)
-    return last_until_captured(
-        new_tiles(1)[0], initial, boundary.at(alpha).captor.points, radius_of(boundary), 300,
-        trajectories, limit)[:2]
+    return last_until_captured(new_tiles(1)[0], initial, carry(captor, alpha).points, RADIUS, 300,
+                               trajectories, limit)[:2]
 
 
 @pytest.mark.parametrize('limit', [math.inf, 700.0])
@@ -78,42 +100,44 @@ def test_too_few_rates_are_refused():
         fit_law([1.0, 1.1, 1.2], [1.0, 2.0, 3.0], [0.1, 0.1, 0.1])
 
 
-def test_captor_and_saddle_are_born_in_a_fold(boundary):
-    for orbit in (boundary.captor, boundary.saddle):
+def test_captor_and_saddle_are_born_in_a_fold(captor, saddle):
+    for orbit in (captor, saddle):
         assert (orbit.impacts, orbit.drive_periods) == (4, 1)
         product = complex(orbit.multipliers[0] * orbit.multipliers[1])
         assert product.real == pytest.approx(0.9**8 * math.exp(-0.1 * 2.0 * math.pi), rel=1e-10)
-    assert boundary.captor.is_stable and not boundary.saddle.is_stable
-    near = boundary.at(boundary.fold + 1e-6)
-    assert abs(near.saddle.multipliers[0] - 1.0) < 0.05
-    assert 1.20 < boundary.fold < 1.21
+    assert captor.is_stable and not saddle.is_stable
+    birth = birth_of(saddle)
+    assert birth.change is Change.FOLD and 1.20 < birth.alpha < 1.21
+    assert abs(carry(captor, birth.alpha + 1e-6).multipliers[0] - 1.0) < 0.05
 
 
 @pytest.mark.long
-def test_manifolds_cross_where_trajectories_escape_and_not_where_they_stay(boundary):
-    below = find_edge(boundary.at(1.2430).directions, samples=4000)
-    above = find_edge(boundary.at(1.2436).directions, samples=4000)
-    assert below.distance < 0.0 < above.distance
+def test_manifolds_cross_where_trajectories_escape_and_not_where_they_stay(captor, saddle):
+    contact = contact_of(saddle)
+    # scipy's integrator finds the same place: python benchmark/crisis.py.
+    touch = find_tangency(contact, 1.2430, 1.2436)
+    assert touch.alpha == pytest.approx(1.2432027802, abs=5e-10) and contact.is_homoclinic
+    assert touch.contact.lifetime_exponent == pytest.approx(0.9462, abs=1e-3)
     # None of those that last escapes below the tangency, nearly all do above.
-    life, fates = escapes_at(boundary, 1.2430, 128, 40_000)
+    life, fates = escapes_at(captor, 1.2430, 128, 40_000)
     assert not np.any((fates == CAPTURED) & (life > 300))
-    life, fates = escapes_at(boundary, 1.2500, 128, 40_000)
+    life, fates = escapes_at(captor, 1.2500, 128, 40_000)
     assert np.all(fates == CAPTURED)
 
 
 @pytest.mark.long
-def test_nothing_escapes_just_above_the_figure_of_the_paper(boundary):
-    life, fates = escapes_at(boundary, PAPER + 1e-3, 128, 40_000)
+def test_nothing_escapes_just_above_the_figure_of_the_paper(captor):
+    life, fates = escapes_at(captor, PAPER + 1e-3, 128, 40_000)
     assert not np.any((fates == CAPTURED) & (life > 300))
 
 
-def test_enough_escapes_stop_all_and_give_the_same_rate(boundary):
-    parameters, here = Parameters(alpha=1.25), boundary.at(1.25)
+def test_enough_escapes_stop_all_and_give_the_same_rate(captor):
+    parameters = Parameters(alpha=1.25)
     initial = Plane(displacement=-0.5).draw(parameters, 2000, 6)
     rates = []
     for wanted in (300, 2000):
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], initial, here.captor.points, radius_of(here), 300, wanted, 10**7)
+            new_tiles(1)[0], initial, captor.points, RADIUS, 300, wanted, 10**7)
         begun = fates != UNUSED
         assert begun.all() == (wanted == 2000) and np.all(lifetimes[~begun] == 0)
         rates.append(escape_rate(lifetimes[begun], fates[begun] != CAPTURED, 300))
@@ -133,10 +157,35 @@ def test_both_methods_agree_inside_the_bracket_of_the_paper(tmp_path, capsys):
     assert str(PAPER) in capsys.readouterr().out
 
 
+# Where attractors of figure 2 end, as escapes alone show it to `continuation`, the saddles there,
+# and where that of B was born: in the fold of a stable orbit of as many impacts.
+ENDS = {
+    'B': (('0.5715', '0.5735'), 0.572286, (6, 3), 0.5208323),
+    'C': (('0.5155', '0.5165'), 0.51601, (9, 3), None),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('name', ENDS)
+def test_the_end_of_any_chaotic_attractor_names_what_it_collides_with(name, tmp_path):
+    window, alpha, saddle, born = ENDS[name]
+    path = tmp_path / 'c.zarr'
+    assert main(['--alpha', *window, '--rates', '8', '--escapes', '24', '--output', str(path)
+                 ]) == 0
+    a = open_dataset(path).attrs
+    assert a['tangency_alpha'] == pytest.approx(alpha, abs=2e-6)
+    assert a['tangency_uncertainty'] < 1e-7
+    assert (a['saddle_impacts'], a['saddle_drive_periods']) == saddle
+    # The escape rates know nothing of the manifolds.
+    assert abs(a['law_alpha_c'] - a['tangency_alpha']) < 3.0 * a['law_alpha_c_error']
+    assert born is None or a['saddle_born_alpha'] == pytest.approx(born, abs=1e-6)
+
+
 @pytest.mark.parametrize(('words', 'named'), [
     (['--alpha', '1.25', '1.23'], 'alpha window'),
     (['--beyond', '1e-3', '1e-4'], '--beyond'),
-    (['--alpha', '1.0', '1.1'], 'periodic orbit'),
+    (['--alpha', '0.48', '0.49'], 'give another --alpha'),
+    (['--alpha', '0.57', '0.571', '--attractor', 'chaotic-9'], 'chaotic-9'),
 ])
 def test_bad_input_is_refused_in_one_line(words, named, capsys, tmp_path):
     assert main([*words, '--output', str(tmp_path / 'c.zarr')]) == 2

@@ -1,10 +1,11 @@
 """
-How far the unstable manifold of a saddle orbit stays from its stable manifold.
+How far the unstable manifold of one saddle stays from the stable manifold of another.
 
-A boundary crisis is their tangency (Grebogi, Ott & Yorke 1983): the attractor is bounded by the
-one, its basin by the other. Points of the unstable manifold are mapped until they come back near
-the saddle; there the unstable coordinate, pulled back to where they came in, is the signed
-distance across the stable manifold.
+A crisis is their tangency (Grebogi, Ott & Yorke 1983): an unstable manifold bounds the attractor,
+a stable one its basin or the part of it that the attractor has not entered. Points of the unstable
+manifold are mapped until they come near the other saddle, or back to the same one; there the
+unstable coordinate, pulled back to where they came in, is the signed distance across the stable
+manifold.
 """
 
 import dataclasses
@@ -16,7 +17,6 @@ import numpy.typing as npt
 
 from .impact_map import next_impact
 from .orbit import fire, Orbit
-from .section import distances
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
@@ -39,77 +39,80 @@ ROUNDS: Final = 10
 
 @dataclasses.dataclass(frozen=True)
 class Saddle:
-    """A saddle orbit (one real multiplier outside the unit circle) with its unstable direction."""
+    """A saddle orbit and one side of it."""
 
     orbit: Orbit
-    unstable: FloatArray  # unit vector (phase, velocity) at the first impact
+    unstable: FloatArray  # unit vector (phase, velocity) at the first impact, towards the side
     rows: FloatArray  # give the unstable and the stable coordinate, shape (2, 2)
 
     @property
+    def turns(self) -> int:
+        """Periods of the orbit after which a trajectory is on the same side again."""
+        return 1 if self.orbit.multipliers[0].real > 0.0 else 2
+
+    @property
+    def impacts(self) -> int:
+        """Impacts in these periods."""
+        return self.turns * self.orbit.impacts
+
+    @property
     def expansion(self) -> float:
-        """Multiplier outside the unit circle [1]."""
-        return float(self.orbit.multipliers[0].real)
+        """Multiplier outside the unit circle over these periods [1]."""
+        return float(self.orbit.multipliers[0].real**self.turns)
 
     @property
     def contraction(self) -> float:
         """Multiplier inside it [1]."""
-        return float(self.orbit.multipliers[1].real)
+        return float(self.orbit.multipliers[1].real**self.turns)
 
     @property
-    def lifetime_exponent(self) -> float:
-        """Exponent of the lifetime law at a homoclinic tangency (Grebogi, Ott & Yorke 1986)."""
-        along = math.log(abs(self.contraction))
-        return along / (2.0 * (math.log(abs(self.expansion)) + along))
+    def other_side(self) -> 'Saddle':
+        """Return the same saddle, with its other side."""
+        return dataclasses.replace(self, unstable=-self.unstable, rows=self.rows * [[-1.0], [1.0]])
 
 
 @dataclasses.dataclass(frozen=True)
 class Edge:
-    """The return of the unstable manifold that comes nearest to crossing the stable one."""
+    """The return of an unstable manifold that comes nearest to crossing a stable one."""
 
-    distance: float  # across the stable manifold [1]; positive beyond it: trajectories escape
-    place: float  # on the unstable manifold, in periods of the saddle from `SEED_DISTANCE` on [1]
+    distance: float  # across the stable manifold [1]; positive beyond it
+    place: float  # on the unstable manifold, in periods of its saddle from `SEED_DISTANCE` on [1]
     impacts: int  # from there to the return
 
 
-def saddle_of(orbit: Orbit, captor: Orbit) -> Saddle:
-    """Find the directions of a saddle, the unstable one away from the captor (as many impacts)."""
+def saddle_of(orbit: Orbit, side: FloatArray | None = None) -> Saddle:
+    """Find the directions of a saddle, its side nearest to a vector; of growing phase without."""
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     first, second = orbit.multipliers
-    if shot is None or first.imag != 0.0 or not first.real > 1.0 > second.real > 0.0:
-        raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit is not a saddle with '
-                         'positive multipliers')
+    if shot is None or first.imag != 0.0 or not abs(first) > 1.0 > abs(second) > 0.0:
+        raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit of '
+                         f'{orbit.impacts} impacts is not a saddle')
     values, vectors = np.linalg.eig(shot.derivative())
     vectors = np.real(vectors[:, np.argsort(-np.abs(values))])
-    rows = np.linalg.inv(vectors)
-    shift = min(range(len(captor.points)), key=lambda k: _apart(captor, k, orbit))
-    aside = captor.points[shift] - orbit.points[0]
-    aside[0] -= TWO_PI * math.floor(aside[0] / TWO_PI + 0.5)
-    if rows[0] @ aside > 0.0:
-        vectors[:, 0] *= -1.0
-        rows[0] *= -1.0
-    return Saddle(orbit, vectors[:, 0], rows)
-
-
-def _apart(captor: Orbit, shift: int, orbit: Orbit) -> float:
-    points = np.roll(captor.points, -shift, axis=0)
-    return float(np.max(distances(points[:, 1], points[:, 0], orbit.velocities, orbit.phases)))
+    vectors[:, 0] *= math.copysign(1.0, vectors[0, 0] if side is None else side @ vectors[:, 0])
+    return Saddle(orbit, vectors[:, 0], np.linalg.inv(vectors))
 
 
 @kernel
-def returns(places: FloatArray, seed: float, wall: int, period: int, point: FloatArray,
-            unstable: FloatArray, rows: FloatArray, expansion: float, impacts: int,
+def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unstable: FloatArray,
+            expansion: float, target_wall: int, target: FloatArray, rows: FloatArray,
+            target_expansion: float, period: int, impacts: int,
             model: Model) -> tuple[FloatArray, IntArray]:
-    """Map points of the unstable manifold on and find their farthest return."""
-    # Places are in periods of the saddle [1] from the distance `seed` on. Returns how far beyond
-    # the stable manifold they come [1] (NEVER without a return), and after how many impacts.
+    """
+    Map points of an unstable manifold on and find their farthest return to a saddle.
+
+    Places are in periods of the saddle that they leave [1], from the distance `seed` on. Returns
+    how far beyond the stable manifold of the `target`, whose period is in impacts, they come [1]
+    (NEVER without a return), and after how many impacts.
+    """
     distances = np.full(len(places), NEVER)
     numbers = np.full(len(places), -1)
     entered = np.empty(period, np.int64)
     crossed = np.empty(period)
-    rate = logarithm(expansion)
+    rate = logarithm(target_expansion)
     for i in range(len(places)):
         entered[:] = -1
-        aside = seed * exp_minus(-places[i] * rate)
+        aside = seed * exp_minus(-places[i] * logarithm(expansion))
         phase = point[0] + aside * unstable[0]
         velocity = point[1] + aside * unstable[1]
         here = wall
@@ -118,19 +121,19 @@ def returns(places: FloatArray, seed: float, wall: int, period: int, point: Floa
             here, _, phase, velocity, _ = next_impact(here, phase, velocity, model)
             if here == NO_WALL:
                 break
-            turn = phase - point[0]
+            turn = phase - target[0]
             turn -= TWO_PI * math.floor(turn / TWO_PI + 0.5)
-            climb = velocity - point[1]
+            climb = velocity - target[1]
             across = rows[0, 0] * turn + rows[0, 1] * climb
             along = rows[1, 0] * turn + rows[1, 1] * climb
-            near = here == wall and abs(across) < ACROSS and abs(along) < ALONG
+            near = here == target_wall and abs(across) < ACROSS and abs(along) < ALONG
             c = n % period
             if not away:
                 away = c == 0 and not near
             elif near:
                 if entered[c] < 0:
                     entered[c] = n
-                crossed[c] = -across * exp_minus((n - entered[c]) / period * rate)
+                crossed[c] = across * exp_minus((n - entered[c]) / period * rate)
             elif entered[c] >= 0:
                 if n - entered[c] > TURNS * period and crossed[c] > distances[i]:
                     distances[i] = crossed[c]
@@ -145,18 +148,22 @@ def returns(places: FloatArray, seed: float, wall: int, period: int, point: Floa
     return distances, numbers
 
 
-def find_edge(saddle: Saddle, *, samples: int = 20_000, impacts: int = 80, candidates: int = 12,
-              near: float | None = None, seed: float = SEED_DISTANCE,
+def find_edge(source: Saddle, target: Saddle, *, samples: int = 20_000, impacts: int = 80,
+              candidates: int = 12, near: float | None = None, seed: float = SEED_DISTANCE,
               offset: float = 0.0) -> Edge:
-    """Find the return that comes nearest to the stable manifold, or farthest beyond it."""
-    # `samples` points over one period of the unstable manifold, from the distance `seed` on [1]
-    # and shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest
-    # maxima are refined. With `near`, only a hundredth of a period about this place is searched.
+    """
+    Find where the unstable manifold of `source` comes nearest to crossing a stable one.
+
+    `samples` points over one period of the side of `source`, from the distance `seed` on [1] and
+    shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest maxima
+    are refined. With `near`, only a hundredth of a period about this place is searched. Beyond is
+    the side of `target`. Without any return `distance` is `NEVER`.
+    """
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        orbit = saddle.orbit
-        return returns(places, seed, int(orbit.walls[0]), orbit.impacts, orbit.points[0],
-                       saddle.unstable, saddle.rows, saddle.expansion, impacts,
-                       orbit.parameters.model)
+        leaves, meets = source.orbit, target.orbit
+        return returns(places, seed, int(leaves.walls[0]), leaves.points[0], source.unstable,
+                       source.expansion, int(meets.walls[0]), meets.points[0], target.rows,
+                       target.expansion, target.impacts, impacts, leaves.parameters.model)
 
     places = (np.arange(samples) + offset) / samples
     if near is not None:
