@@ -79,6 +79,11 @@ class Attractor:
     letter: str = ''  #: In the paper, at its parameters.
 
     @property
+    def title(self) -> str:
+        """Letter and key."""
+        return f'{self.letter} {self.key}'.lstrip()
+
+    @property
     def impacts(self) -> int:
         """Impacts in a period; 0 off an orbit."""
         return self.orbit.impacts if self.orbit else 0

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from .catalogue import Catalogue, Kind
-from .letters import LETTERS, numbers_of
+from .letters import numbers_of
 from ..core.arrays import FloatArray
+from ..core.orbits.letters import LETTERS
 from ..core.orbits.section import turn
 
 # Attractors whose points are farther apart than this are different ones [1].

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .letters import LETTERS
 from .matching import follow, Trace
 from ..core.arrays import FloatArray
+from ..core.orbits.letters import LETTERS
 
 # Columns over which an attractor may be missed: few may reach it, and windows interrupt chaos.
 GAP: Final = 5

@@ -38,8 +38,8 @@ class Colours:
     def followed(self, known: Known) -> 'Colours':
         """Return the colours of the attractors at other parameters."""
         traces, hues = recognise(self.traces, known.catalogue, is_complete=known.is_complete)
-        keys = [each.key for each in known.catalogue.attractors if each.label >= 0]
-        names = NAMES | dict(enumerate(keys))
+        titles = [each.title for each in known.catalogue.attractors if each.label >= 0]
+        names = NAMES | dict(enumerate(titles))
         if conserves_areas(known.catalogue.parameters):
             names[UNSETTLED] = f'unsettled: {CONSERVES}'
         return Colours(traces, colours_of(hues), names)

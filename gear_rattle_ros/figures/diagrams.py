@@ -196,6 +196,8 @@ def _mark(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
     # Amplitudes that were asked for, and what happens to the attractors.
     for alpha in looks.mark:
         axes.axvline(alpha, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0)
+        axes.text(alpha, 0.015, f'{alpha:.5g} ', transform=axes.get_xaxis_transform(), color=GREY,
+                  rotation=90, ha='right', va='bottom', fontsize=10)
     if 'event_alpha' not in dataset or looks.is_paper:
         return
     low, high = dataset['alpha'].values[[0, -1]]

@@ -51,6 +51,8 @@ def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     cap, paper = dataset.attrs['cap'], looks.is_paper
     lifetimes = _thinned(dataset['lifetime'])
     censored = _thinned(dataset['label']) == UNSETTLED
+    # From the decade on in which the shortest are.
+    shortest = 10**int(math.log10(min(max(1, lifetimes.min()), cap / 2)))
     patch = Patch(color='black' if paper else ENDS[UNSETTLED],
                   label=f'{counted(cap, "impact")} or more  {_share(censored)}')
     drawn, figure = _plane(
@@ -58,8 +60,9 @@ def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper)), bar=True,
         legend=[patch] * int(censored.any()),
         cmap=looks.scale('inferno').resampled(STEPS).with_extremes(bad=ENDS[UNSETTLED]),
-        norm=Normalize(0, cap) if paper else LogNorm(1, max(cap, 2)))
-    _scale(figure, drawn, 'lifetime of the transient [impacts]')
+        norm=Normalize(0, cap) if paper else LogNorm(shortest, max(cap, 2)))
+    _scale(figure, drawn, 'lifetime of the transient [impacts]',
+           **({'format': FuncFormatter(thousands)} if paper else {}))
     return figure
 
 
@@ -95,7 +98,8 @@ def draw_attractors(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for handle in legend.legend_handles:
         if isinstance(handle, PathCollection):
             handle.set_sizes([60.0])
-    _label(axes, (0.0, 2.0 * math.pi))
+    phase_ticks(axes, (0.0, 2.0 * math.pi))
+    axes.set_xlim(0.0, 2.0 * math.pi)
     axes.set_ylabel("velocity before the impact s' [1]; upper wall above 0, lower below")
     return figure
 
@@ -161,7 +165,9 @@ def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArra
         for colour, line in (('white', 4.0), ('black', 1.8)):
             axes.add_patch(Rectangle((p0, v0), p1 - p0, v1 - v0, fill=False, edgecolor=colour,
                                      linewidth=line))
-    _label(axes, a['phase_window'])
+    phase_ticks(axes, tuple(a['phase_window']), label='initial drive phase [rad]')
+    axes.set_xlim(*a['phase_window'])
+    axes.set_ylabel('initial velocity [1]', fontsize=12)
     if legend:
         figure.legend(handles=list(legend[:2 * ROWS]), loc='lower center', ncols=2, frameon=False,
                       fontsize=11, borderaxespad=0.1)
@@ -178,12 +184,6 @@ def _scale(figure: Figure, drawn: AxesImage, words: str, **options: Any) -> None
 def _thinned(grid: 'xarray.DataArray') -> npt.NDArray[Any]:
     every = tuple(slice(None, None, -(-length // MOST)) for length in grid.shape)
     return np.asarray(grid[every].values)
-
-
-def _label(axes: Axes, window: Sequence[float]) -> None:
-    axes.set_ylabel('velocity [1]', fontsize=12)
-    phase_ticks(axes, (window[0], window[1]))
-    axes.set_xlim(*window)
 
 
 def _share(chosen: npt.NDArray[np.bool_]) -> str:

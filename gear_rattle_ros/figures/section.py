@@ -9,7 +9,7 @@ import numpy as np
 
 from . import style
 from .style import LEFT, Looks, RIGHT
-from ..attractors.letters import LETTERS
+from ..core.orbits.letters import LETTERS
 from ..core.words import counted
 from ..palette import GREY
 

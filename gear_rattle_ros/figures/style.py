@@ -135,10 +135,11 @@ def scaled(cells: int, edge: int = EDGE) -> int:
     return cells * max(1, round(edge / cells))
 
 
-def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12) -> None:
+def phase_ticks(axes: Axes, window: tuple[float, float], size: int = 12,
+                label: str = PHASE_LABEL) -> None:
     """Mark the phase axis in fractions of pi, or in plain numbers where the window is narrow."""
-    axes.set_xlabel(PHASE_LABEL, fontsize=size)
-    for parts in (2, 4, 8, 16):
+    axes.set_xlabel(label, fontsize=size)
+    for parts in (2, 4):
         if (window[1] - window[0]) >= 2.5 * math.pi / parts:
             axes.xaxis.set_major_locator(MultipleLocator(math.pi / parts))
             axes.xaxis.set_major_formatter(

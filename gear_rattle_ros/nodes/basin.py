@@ -290,10 +290,10 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
         'has_searched_chaos': basins.is_complete}, stamp)
     for each in found:
         state.status.extend(messages.diagnostic_array(
-            f'basin: {each.key}', 'basin', 'ok', f'{each.key}: {each.share:.2%}', {
-                'label': each.label, 'key': each.key, 'kind': each.kind.value, 'share': each.share,
-                'colour': colours[each.label], 'impacts': each.impacts,
-                'drive_periods': each.drive_periods}, stamp).status)
+            f'basin: {each.key}', 'basin', 'ok', f'{each.title}: {each.share:.2%}', {
+                'label': each.label, 'letter': each.letter, 'key': each.key,
+                'kind': each.kind.value, 'share': each.share, 'colour': colours[each.label],
+                'impacts': each.impacts, 'drive_periods': each.drive_periods}, stamp).status)
     return state
 
 

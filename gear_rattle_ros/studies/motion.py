@@ -107,7 +107,7 @@ def choose(catalogue: Catalogue, name: str) -> Attractor:
     known = [each for each in catalogue.attractors if each.kind is not Kind.UNSETTLED]
     found = [each for each in known if not name or name in (each.key, each.letter)]
     if not found:
-        there = ', '.join(' '.join(filter(None, (each.letter, each.key))) for each in known)
+        there = ', '.join(each.title for each in known)
         raise ValueError(f'no attractor {name or "was reached"} at these parameters; there are '
                          f'{there or "none"}')
     return max(found, key=lambda each: each.settled)

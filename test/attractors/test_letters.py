@@ -9,6 +9,7 @@ from gear_rattle_ros.attractors.letters import numbers_of, with_letters
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import follow
+from gear_rattle_ros.core.orbits.letters import letter_of
 from gear_rattle_ros.core.orbits.orbit import close_orbit, same_orbit
 from gear_rattle_ros.studies.orbit_diagram import orbit_diagram
 
@@ -31,6 +32,8 @@ def letters_at(alpha: float, **others: float) -> dict[str, tuple[str, int, int]]
     (0.494, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1), 'C': ('periodic', 3, 1)}),
     (0.512, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1), 'C': ('periodic', 6, 2)}),
     (0.54, {'A': ('periodic', 3, 1), 'B': ('periodic', 4, 2)}),
+    # A small attractor of 12 impacts in 6 drive periods lies in the folds of B.
+    (0.5635, {'A': ('periodic', 3, 1), 'B': ('periodic', 16, 8)}),
     (0.567, {'A': ('periodic', 3, 1), 'B': ('chaotic', 0, 0)}),
     (0.57, {'A': ('periodic', 3, 1), 'B': ('chaotic', 0, 0)}),
     (0.59, {'A': ('periodic', 3, 1)}), (0.45, {'A': ('periodic', 3, 1)}), (1.244, {})])
@@ -38,6 +41,13 @@ def test_letters_are_those_of_the_paper(alpha: float, expected: dict) -> None:
     """A in the whole range; B until it ends at 0.57229; C from 0.49392 to 0.51601."""
     found = letters_at(alpha)
     assert {letter: what for letter, what in found.items() if letter in 'ABC'} == expected
+
+
+@pytest.mark.parametrize('alpha', [0.48, 0.512, 0.54, 0.5635])
+def test_an_orbit_alone_has_the_letter_that_the_search_gives_it(alpha: float) -> None:
+    found = [each for each in search(alpha).attractors if each.orbit]
+    assert [letter_of(each.orbit) for each in found] == [each.letter for each in found]
+    assert {each.letter for each in found} >= {'A', 'B'}
 
 
 def test_other_parameters_have_no_letters() -> None:

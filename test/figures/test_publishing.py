@@ -41,7 +41,10 @@ def law() -> xarray.Dataset:
                'law_exponent_error': 0.05, 'paper_alpha': 1.2361}
     return xarray.Dataset({'escape_rate': ('alpha', rates),
                            'escape_rate_error': ('alpha', 0.1 * rates)},
-                          coords={'alpha': alphas}, attrs={'tool': 'crisis', **numbers})
+                          coords={'alpha': alphas}, attrs={
+                              'tool': 'crisis', 'direction': 1.0, 'tangency': 'homoclinic',
+                              'attractor': 'chaotic-2-1-U5.0000+1.0000',
+                              'saddle': '4-1-U4.0000+1.0000', **numbers})
 
 
 @pytest.fixture(scope='module')
