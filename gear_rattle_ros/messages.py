@@ -85,17 +85,17 @@ def events_from_cloud(cloud: PointCloud2) -> EventArray:
 
 def joint_state(values: Mapping[str, Iterable[float]], stamp: Time,
                 frame_id: str = '') -> JointState:
-    """Return a JointState of named (position, velocity) pairs; effort is filled with zeros."""
+    """Return a JointState of named (position, velocity) pairs; it has no efforts."""
     return JointState(
         header=Header(stamp=stamp, frame_id=frame_id), name=list(values),
         position=array.array('d', [float(position) for position, _ in values.values()]),
-        velocity=array.array('d', [float(velocity) for _, velocity in values.values()]),
-        effort=array.array('d', bytes(8 * len(values))))
+        velocity=array.array('d', [float(velocity) for _, velocity in values.values()]))
 
 
 def named_values(values: Mapping[str, float], stamp: Time) -> JointState:
     """Return named float64 values with a stamp, as the positions of a JointState."""
-    return joint_state({name: (value, 0.0) for name, value in values.items()}, stamp)
+    return JointState(header=Header(stamp=stamp), name=list(values),
+                      position=array.array('d', [float(value) for value in values.values()]))
 
 
 def diagnostic_array(name: str, hardware_id: str, level: str, message: str,

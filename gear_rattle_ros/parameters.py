@@ -33,8 +33,7 @@ class Specification:
 
     def descriptor(self) -> msg.ParameterDescriptor:
         descriptor = msg.ParameterDescriptor(
-            description=f'{self.description} [{self.unit}]' if self.unit else self.description,
-            read_only=self.read_only)
+            description=self.cells()[-1], read_only=self.read_only)
         if self.low is not None and self.high is not None:
             if isinstance(self.default, float):
                 descriptor.floating_point_range = [
@@ -43,6 +42,15 @@ class Specification:
                 descriptor.integer_range = [
                     msg.IntegerRange(from_value=int(self.low), to_value=int(self.high))]
         return descriptor
+
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Return a row of a table: name, default, range, whether it is live, and meaning."""
+        default = self.default
+        span = (f'{self.low:g} to {self.high:g}'
+                if self.low is not None and self.high is not None else '')
+        return (self.name, f'{default:g}' if isinstance(default, float) else str(default).lower(),
+                span, '' if self.read_only else 'yes',
+                f'{self.description} [{self.unit}]' if self.unit else self.description)
 
     def check(self, value: object) -> Value:
         """Return a value of the right type and range; ValueError names a wrong one."""
@@ -168,14 +176,17 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
 
 
 def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
-    """Declare a table on a node whose overrides are; ValueError names a bad or unknown one."""
+    """Declare a table on a node whose overrides are; ValueError names a bad one."""
     names = [specification.name for specification in table]
     given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
     for name in given:
         if name not in names and not name.startswith(_OF_ROS):
-            close = difflib.get_close_matches(name, names, 1)
-            hint = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(names)}'
-            raise ValueError(f'unknown parameter {shown(name)}; {hint}')
+            # ROS ignores it: a section /** has the parameters of other nodes, too.
+            node.undeclare_parameter(name)
+            if not any(name == each.name for others in TABLES.values() for each in others):
+                close = difflib.get_close_matches(name, names, 1)
+                hint = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(names)}'
+                node.get_logger().warning(f'unknown parameter {shown(name)} is ignored; {hint}')
     values = {}
     for specification in table:
         name = specification.name

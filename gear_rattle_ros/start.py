@@ -39,7 +39,12 @@ def start(name: str) -> NoReturn:
         signal.signal(signal.SIGTERM, _interrupt)
         for variable, value in ENVIRONMENT.get(name, {}).items():
             os.environ.setdefault(variable, value)
-        status = int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
+        if sys.argv[1:2] == ['--version']:
+            from importlib.metadata import version
+            print(name, version(str(__package__)))
+            status = 0
+        else:
+            status = int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
     except KeyboardInterrupt:
         status = 0
     except ModuleNotFoundError as error:

@@ -11,15 +11,8 @@ END = '<!-- end of parameters -->\n'
 
 def row(specification: Specification) -> str:
     """Return one row."""
-    span = (
-        f'{specification.low:g} to {specification.high:g}'
-        if specification.low is not None and specification.high is not None else '')
-    default = specification.default
-    shown = f'{default:g}' if isinstance(default, float) else str(default).lower()
-    unit = f' [{specification.unit}]' if specification.unit else ''
-    live = '' if specification.read_only else 'yes'
-    return (f'| `{specification.name}` | {shown} | {span} | {live} | '
-            f'{specification.description}{unit} |')
+    name, *cells = specification.cells()
+    return f'| `{name}` | {" | ".join(cells)} |'
 
 
 def tables() -> str:

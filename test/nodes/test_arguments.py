@@ -1,7 +1,10 @@
 """What a node makes of its command line: nothing is passed over in silence."""
 
+from importlib.metadata import version
 import os
 from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 from rclpy.utilities import try_shutdown
@@ -15,6 +18,7 @@ from gear_rattle_ros.nodes.base.arguments import (
 from gear_rattle_ros.nodes.base.errors import UserError
 from gear_rattle_ros.nodes.base.node import BaseNode
 from gear_rattle_ros.nodes.base.process import begin
+from gear_rattle_ros.parameters import TABLES
 
 
 @pytest.mark.parametrize('given, plain, ros', [
@@ -86,7 +90,6 @@ BAD_FILES = {
     SECTION % 'publish_rate: "1.0"': "publish_rate = '1.0' is not of type double",
     SECTION % 'publish_rate: [1.0, 2.0]': 'publish_rate = [1.0, 2.0] is not of type double',
     SECTION % 'publish_rate: true': 'publish_rate = True is not of type double',
-    SECTION % 'publish_rate: {a: 1.0}': "unknown parameter 'publish_rate.a'; did you mean",
     SECTION % 'publish_rate: []': "'publish_rate' has no value",
     SECTION % 'publish_rate: {}': "'publish_rate' has no value",
     SECTION % 'publish_rate: .nan': 'publish_rate = nan is not a number',
@@ -96,9 +99,6 @@ BAD_FILES = {
     SECTION % f'window: {2**63}': 'window = 9.223372036854776e+18 is not of type integer',
     SECTION % f'window: {-2**63}': 'window = -9223372036854775808 is outside [1, 1e+06]',
     SECTION % f'window: {"x" * 5000}': f"window = '{'x' * 76}... is not of type integer",
-    SECTION % f'{"x" * 900}: 1': f"unknown parameter '{'x' * 76}...; known are",
-    SECTION % ('{a: ' * 200 + '1' + '}' * 200)[1:-1]: "unknown parameter 'a.a.a.a",
-    SECTION % 'publish_rat: 1.0': "unknown parameter 'publish_rat'; did you mean 'publish_rate'?",
     # What rcl does not take: with what is wrong where that can be said, and the form.
     SECTION % 'publish_rate: [1, 2.0]': "Value type 'double' do not belong at line_num 1; it",
     SECTION % 'publish_rate: ': 'No value at line 1; it must read NODE: {ros__parameters:',
@@ -155,6 +155,33 @@ def test_parameter_files_that_are_taken(tmp_path: Path) -> None:
         try_shutdown()
 
 
+IGNORED = {
+    SECTION % 'publish_rate: {a: 1.0}': "'publish_rate.a' is ignored; did you mean 'publish_rate'",
+    SECTION % f'{"x" * 900}: 1': f"'{'x' * 76}... is ignored; known are publish_rate, window",
+    SECTION % ('{a: ' * 200 + '1' + '}' * 200)[1:-1]: "'a.a.a.a",
+    SECTION % 'publish_rat: 1.0': "'publish_rat' is ignored; did you mean 'publish_rate'?",
+    '/**: {ros__parameters: {windo: 1}}': "'windo' is ignored; did you mean 'window'?",
+    # Parameters of other nodes.
+    '/**: {ros__parameters: {alpha: 1.0, use_sim_time: false}}': ''}
+
+
+@pytest.mark.parametrize('content', IGNORED)
+def test_names_that_a_node_does_not_declare_are_ignored(content: str, tmp_path: Path, capfd
+                                                        ) -> None:
+    """As ROS does, with a warning where no node declares them."""
+    file = tmp_path / 'p.yaml'
+    file.write_text(content)
+    begin(['--ros-args', '--params-file', str(file)])
+    node = BaseNode('lyapunov')
+    assert node.values == {'publish_rate': 10.0, 'window': 1000}
+    assert not node.has_parameter('alpha') and not node.has_parameter('windo')
+    node.destroy_node()
+    try_shutdown()
+    line = capfd.readouterr().err
+    words = IGNORED[content]
+    assert words in line and line.count('\n') == bool(words)
+
+
 @pytest.mark.parametrize('ros, words', [
     (['-p', 'window'], "-p 'window' is not understood; parameters are given as -p NAME:=VALUE"),
     (['-p', 'window:={a: 1}'], "-p 'window:={a: 1}' is not understood; "),
@@ -164,7 +191,6 @@ def test_parameter_files_that_are_taken(tmp_path: Path) -> None:
     (['-p', 'window:=\n'], "'window' has no value"),
     (['-p', 'window:=a\nb'], "window = 'a b' is not of type integer"),
     (['-p', 'a b:=1'], "-p 'a b:=1' is not understood"),
-    (['-p', 'windo:=1'], "unknown parameter 'windo'; did you mean 'window'?"),
     (['-p', f'window:={2**63}'], 'window = 9.223372036854776e+18 is not of type integer'),
     (['-p', f'window:={"[" * 10_000}'], f"-p 'window:={'[' * 68}... is not understood"),
     (['-r', '__ns:=x'], "-r '__ns:=x' is not understood; names are changed by -r FROM:=TO"),
@@ -217,6 +243,18 @@ def test_a_misspelt_section_is_reported_and_the_node_goes_on(start, tmp_path: Pa
     node.wait_for('ready')
     assert f"lyapunov: {file}: section 'lyapunvo' belongs to no node; did you mean" in node.text()
     assert node.stop() == 0
+
+
+@pytest.mark.parametrize('name', ['simulator', 'recorder', 'teleop'])
+def test_help_and_version_of_a_node(name: str) -> None:
+    """The table of parameters, from which it declares them; status 0."""
+    command = [sys.executable, '-m', 'gear_rattle_ros.start', name]
+    text = subprocess.run([*command, '--help'], capture_output=True, text=True, check=True).stdout
+    for each in TABLES[name]:
+        line, = (line for line in text.splitlines() if line.split()[:1] == [each.name])
+        assert each.description in line and f'[{each.unit}]' in line or not each.unit
+    text = subprocess.run([*command, '--version'], capture_output=True, text=True, check=True)
+    assert text.stdout == f'{name} {version("gear_rattle_ros")}\n'
 
 
 def test_the_suite_refuses_arguments_that_ros_does_not_take(start, tmp_path: Path) -> None:

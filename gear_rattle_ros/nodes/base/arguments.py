@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from rclpy.utilities import remove_ros_args
 
-from ...core.words import shown
+from ...core.words import in_columns, shown
 from ...parameters import TABLES
 from ...plain_yaml import read_yaml
 
@@ -41,6 +41,15 @@ def overrides(values: Mapping[str, object]) -> list[str]:
     """Return arguments that set parameters: ROS reads JSON as YAML, and '2026' stays a string."""
     return [word for name, value in values.items()
             for word in ('-p', f'{name}:={json.dumps(value, ensure_ascii=False)}')]
+
+
+def help_on(name: str) -> str:
+    """Return how a node is started, and the table of its parameters."""
+    return '\n'.join([
+        f'usage: ros2 run gear_rattle_ros {name} [--ros-args [-p NAME:=VALUE] ...]', '',
+        in_columns(['parameter', ' default', 'range', 'live', 'meaning'],
+                   [specification.cells() for specification in TABLES[name]]), '',
+        'A live parameter can be changed while the node runs. --version prints the version.'])
 
 
 def refuse_plain(name: str, plain: Sequence[str]) -> None:

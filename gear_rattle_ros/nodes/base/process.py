@@ -75,6 +75,9 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
     try:
         try:
             plain, ros = given.split_arguments(sys.argv[1:] if arguments is None else arguments)
+            if plain and plain[0] in ('-h', '--help'):
+                print(given.help_on(name))
+                return 0
             given.refuse_plain(name, plain)
             begin(ros)
             for line in given.misspelt_sections(name, ros):

@@ -12,6 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from .keys import Entry, Keys
 from .terminal import Terminal
 from ..base.client import ClientError, RefusalError, SimulatorClient
+from ..base.errors import UserError
 from ..base.node import BaseNode
 from ..base.process import exit_status, Stop
 from ...scenes import load_scenes, Performance
@@ -191,11 +192,14 @@ class Teleop(BaseNode):
 
 
 def main(arguments: list[str] | None = None) -> int:
+    return exit_status('teleop', arguments, _make, _run)
+
+
+def _make() -> Teleop:
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        print('teleop: stdin and stdout are not a terminal; start it in one, not in a pipe or a '
-              'launch file', file=sys.stderr)
-        return 2
-    return exit_status('teleop', arguments, Teleop, _run)
+        raise UserError('stdin and stdout are not a terminal; start it in one, not in a pipe or a '
+                        'launch file')
+    return Teleop()
 
 
 def _run(teleop: Teleop, stop: Stop) -> int:
