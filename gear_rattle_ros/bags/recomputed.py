@@ -161,6 +161,8 @@ class Transients(Recomputed):
                 self._tolerance = float(values.pop('tolerance', self._tolerance))
             except ValueError:
                 self.fault = f'tolerance = {report.values["tolerance"]!r} is not a number'
+            # The letter follows from the orbit; bags of before have none.
+            values.pop('letter', None)
             self._pending[report.stamp].append(values)
             self._joins.add(values.get('start'))
         self._stamp: int | None = None

@@ -60,7 +60,7 @@ class Log:
             for change in self.detector.update(events):
                 self.put('/transient', diagnostic_array(
                     'transients: trajectory', '', 'ok', '',
-                    transient_values(change) | {'tolerance': 1e-3}, stamp))
+                    transient_values(change) | {'tolerance': 1e-3, 'letter': 'B'}, stamp))
 
     def kernels(self, name: str) -> None:
         """Let the simulator report which kernels it has."""
