@@ -209,9 +209,10 @@ def test_scene_is_played_to_its_end(domain, tmp_path):
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--scene', 'chaos'], "suite: no scene 'chaos'; there are hysteresis, two-attractors"),
-    (['--scene', 'chaotic-b', '--then', '1'], 'suite: --then and --scene exclude each other')])
-def test_bad_scene_is_one_line_and_status_2(arguments, words):
-    """The answer has all names, or the remedy."""
+    (['--scene', 'chaotic-b', '--then', '1'], 'suite: --then and --scene exclude each other'),
+    (['--rate', '-1'], 'suite: rate = -1.0 is outside [0, 1e+07]')])
+def test_bad_arguments_are_one_line_and_status_2(arguments, words):
+    """The answer has all names, or the remedy, before anything is started."""
     process = suite(*arguments)
     output = process.communicate(timeout=60)[0].decode()
     assert process.returncode == 2

@@ -38,6 +38,8 @@ STORY = (0.57, 1.244)
 START_WITHIN = 180.0
 REFRESH = 0.25
 SUMMARY_WITHIN = 60.0
+# How long the others may take to end, on a busy machine too [s].
+ENDS_WITHIN = 5.0
 # How long the recorder may take to write what it has acknowledged, much at full rate [s].
 WRITTEN_WITHIN = 30.0
 # Loads everything slow while the nodes run; a line on stdin means that the bag is closed.
@@ -148,9 +150,9 @@ class Suite:
             **apart(0) | {'stdin': subprocess.PIPE, 'stderr': None})
 
     def _end_nodes(self) -> None:
-        self._processes.stop(['simulator'], within=1.0)
+        self._processes.stop(['simulator'], within=ENDS_WITHIN)
         # The last batches arrive; then the analysis nodes publish their last reports.
-        self._processes.stop(['lyapunov', 'transients', 'basin'], within=1.0)
+        self._processes.stop(['lyapunov', 'transients', 'basin'], within=ENDS_WITHIN)
         self._processes.stop(['recorder', 'viewer'], within=WRITTEN_WITHIN)
         if self._summary is not None:
             try:
@@ -296,6 +298,12 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
             options.then = STORY[1]
     if options.then is not None and options.duration == 0.0:
         parser.error('--then needs a --duration: it applies from half-way on')
+    try:
+        for given in SIMULATOR:
+            if given.name in NAMES:
+                given.check(getattr(options, given.name))
+    except ValueError as error:
+        parser.exit(2, f'suite: {error}\n')
     return options
 
 

@@ -46,15 +46,17 @@ class Processes:
     def stop(self, names: list[str], within: float) -> None:
         """Interrupt some nodes together and wait for them [s]; then kill those that still run."""
         deadline = time.monotonic() + within
-        stopping = [self._running.pop(name) for name in names if name in self._running]
+        stopping = {name: self._running.pop(name) for name in names if name in self._running}
         while stopping and time.monotonic() < deadline:
             # A node may lose a signal while it is imported; one that is closing ignores it.
-            for process in stopping:
+            for process in stopping.values():
                 process.send_signal(signal.SIGINT)
             again = min(time.monotonic() + AGAIN, deadline)
             while stopping and time.monotonic() < again:
                 time.sleep(POLL)
-                stopping = [process for process in stopping if process.poll() is None]
-        for process in stopping:
+                stopping = {name: process for name, process in stopping.items()
+                            if process.poll() is None}
+        for name, process in stopping.items():
             process.kill()
             process.wait()
+            print(f'{name} had not ended after {within:g} s and was killed', file=sys.stderr)
