@@ -106,6 +106,8 @@ SIMULATOR: Final = (
     _fixed('publish_clock', False, 'publish the simulated time on /clock, and stamp with it', ''),
     _fixed('wait_for_readers', 0, 'begin when impacts has this number of subscriptions',
            'subscriptions', 0, 1000),
+    _fixed('wait_at_most', 600.0, 'begin after this time without those that are missing; 0 = '
+           'never', 's', 0.0, 1e6),
 )
 LYAPUNOV: Final = (
     _fixed('publish_rate', 10.0, 'estimates per second of wall time', 'Hz', 0.1, 1000.0),

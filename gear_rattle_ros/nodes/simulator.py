@@ -37,6 +37,8 @@ LONGEST_BATCH = 4096
 INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
 # A ramp updates the parameter alpha at these intervals [s].
 RAMP_SHOWN_EVERY = 0.25
+# A wait for readers is logged at these intervals [s].
+WAIT_LOGGED_EVERY = 10.0
 # Pause at rate = 0 when there is nothing to do [s].
 IDLE = 0.005
 
@@ -68,6 +70,7 @@ class Simulator(ReportingNode):
         self._setting = False
         self._ramp_shown = 0.0
         self._counted = (time.monotonic(), 0)
+        self._waiting_since = self._wait_logged = time.monotonic()
         guard(self, SIMULATOR, self._validate, self._apply)
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetBool, '~/pause', self._pause)
@@ -105,13 +108,29 @@ class Simulator(ReportingNode):
         # How long the last batches may take to arrive.
         self._impacts.wait_for_all_acked(Duration(seconds=0.3))
 
+    def _keeps_waiting(self) -> bool:
+        # A reader that has ended at its start would be waited for without a word.
+        if self._impacts.get_subscription_count() >= self._awaited:
+            self.get_logger().info(f'{counted(self._awaited, "reader")} joined')
+            return False
+        now, longest = time.monotonic(), self.number('wait_at_most')
+        is_over = 0.0 < longest <= now - self._waiting_since
+        if is_over or now - self._wait_logged > WAIT_LOGGED_EVERY:
+            self._wait_logged = now
+            there = self.get_subscriptions_info_by_topic(self._impacts.topic_name)
+            names = ', '.join(sorted(each.node_name for each in there)) or 'nobody'
+            self.get_logger().warning(
+                f'after {now - self._waiting_since:.0f} s {len(there)} of '
+                f'{counted(self._awaited, "reader")} of impacts are there ({names}); '
+                + ('it begins without the others' if is_over else 'it waits'))
+        return not is_over
+
     def _period(self) -> float:
         return 0.0 if self._rate == 0.0 else self.number('tick')
 
     def _tick(self) -> None:
         periods = self._by_clock.due(self._rate)
-        if self._awaited and self._impacts.get_subscription_count() >= self._awaited:
-            self.get_logger().info(f'{counted(self._awaited, "reader")} joined')
+        if self._awaited and not self._keeps_waiting():
             self._awaited = 0
         if self._awaited:
             time.sleep(IDLE)

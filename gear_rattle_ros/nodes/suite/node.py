@@ -136,7 +136,7 @@ class Suite:
     def _start_nodes(self) -> None:
         own: dict[str, dict[str, object]] = {
             'simulator': {name: getattr(self._options, name) for name in NAMES} | {
-                'wait_for_readers': len(self._readers)},
+                'wait_for_readers': len(self._readers), 'wait_at_most': 0.0},
             'recorder': {'output': str(self._folder / 'bag')},
             'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
         for name in ('simulator', *self._readers):
