@@ -36,7 +36,7 @@ def make(recipe: 'Recipe', folder: Path) -> int:
             for (name, looks), ending in itertools.product(
                     recipe.pictures.items(), ('.png', '.pdf')):
                 status = draw.main([str(store), '--picture', str(folder / f'{name}{ending}'),
-                                    *recipe.view, *looks])
+                                    *recipe.views(folder), *looks])
                 if status:
                     return status
     record.write_text(json.dumps({'command': shlex.join(['ros2', 'run', PACKAGE, *words]),
@@ -68,6 +68,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     for name in chosen:
         if name not in recipes:
             raise ValueError(f'no figure {name}; there are {", ".join(recipes)}')
+    # What others need comes before them.
+    chosen = list(dict.fromkeys(itertools.chain.from_iterable(
+        filter(None, (recipes[name].needs, name)) for name in chosen)))
     for number, name in enumerate(chosen, 1):
         print(f'figures: {name}, {recipes[name].title} ({number} of {len(chosen)}) ...',
               flush=True)

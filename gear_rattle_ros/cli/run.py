@@ -119,13 +119,20 @@ def add_views(parser: Parser) -> None:
                        'section of one trajectory its impacts in turn')
     group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark amplitudes, or '
                        'the window of a magnification: two phases and two velocities')
+    group.add_argument('--transitions', type=Path, metavar='STORE.zarr', help='mark in a diagram '
+                       'what the tool transitions has found')
 
 
 def looks_of(given: argparse.Namespace) -> dict[str, Any]:
     """Return how a picture is to look, as far as that was given."""
-    return {name: tuple(value) if isinstance(value, list) else value
-            for name in ('title', 'dpi', 'colours', 'draw', 'mark')
-            if (value := getattr(given, name, None)) is not None}
+    looks: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name in ('title', 'dpi', 'colours', 'draw', 'mark', 'transitions')
+        if (value := getattr(given, name, None)) is not None}
+    if 'transitions' in looks:
+        from ..store.store import open_dataset
+        looks['transitions'] = open_dataset(looks['transitions'])
+    return looks
 
 
 def require_picture(path: Path | None) -> None:

@@ -6,6 +6,7 @@ from typing import Final, TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 import numpy as np
 import numpy.typing as npt
 
@@ -13,6 +14,7 @@ from . import style
 from .style import add_axes, BOTTOM, Looks, new_figure, RIGHT, TOP
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
+from ..core.orbits.letters import LETTERS
 from ..core.words import counted
 from ..palette import GREY
 from ..studies.diagram import KINDS
@@ -30,6 +32,14 @@ TALLEST: Final = 1100
 LEGEND_MOST: Final = 5
 # An attractor in fewer columns than this share is not in the legend.
 RARE: Final = 0.02
+# How transitions are marked, and in which words.
+MARKS: Final = {
+    '^': ('birth or end of an orbit', ('fold', 'pitchfork', 'grazing', 'window')),
+    'd': ('doubling', ('doubling',)), '>': ('chaos begins', ('accumulation',)),
+    'v': ('merging or growth', ('merging', 'growth', 'interior crisis')),
+    'X': ('crisis', ('crisis',))}
+# Room for their legend [pixels].
+MARKED: Final = 26
 ALPHA_LABEL: Final = 'amplitude of the drive, alpha [1]'
 SWEEPS: Final = {'random': 'from many initial conditions at each alpha',
                  'up': 'followed upwards in alpha', 'down': 'followed downwards'}
@@ -43,7 +53,8 @@ def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     merged = max(1, round(bins * len(sweeps) / TALLEST))
     height = bins // merged * max(1, round(HEIGHT * merged / bins)) if raster else 0
     below = EXPONENT_HEIGHT if exponent and raster else HEIGHT if exponent else 0
-    total = (TOP + BOTTOM + len(sweeps) * height + below
+    marked = MARKED if looks.transitions is not None and not looks.is_paper else 0
+    total = (TOP + BOTTOM + marked + len(sweeps) * height + below
              + GAP * (len(sweeps) * raster + exponent - 1))
     figure = new_figure(LEFT + width + RIGHT, total, looks)
     style.write_title(figure, LEFT, looks.title or _title(dataset))
@@ -66,6 +77,10 @@ def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     panels[-1].tick_params(labelbottom=True)
     panels[-1].set_xlabel(ALPHA_LABEL, fontsize=12)
     _legend(panels[0], dataset, looks)
+    if marked:
+        figure.legend(handles=_mark_transitions(panels[0], looks), loc='lower center',
+                      ncols=len(MARKS), frameon=False, fontsize=11, handletextpad=0.1,
+                      columnspacing=1.4, borderaxespad=0.2)
     return figure
 
 
@@ -196,8 +211,8 @@ def _mark(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
     # Amplitudes that were asked for, and what happens to the attractors.
     for alpha in looks.mark:
         axes.axvline(alpha, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0)
-        axes.text(alpha, 0.015, f'{alpha:.5g} ', transform=axes.get_xaxis_transform(), color=GREY,
-                  rotation=90, ha='right', va='bottom', fontsize=10)
+        axes.text(alpha, 0.01, f' {alpha:.5g}', transform=axes.get_xaxis_transform(), color=GREY,
+                  va='bottom', fontsize=10)
     if 'event_alpha' not in dataset or looks.is_paper:
         return
     low, high = dataset['alpha'].values[[0, -1]]
@@ -206,6 +221,24 @@ def _mark(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
         if low <= alpha <= high:
             dashes = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
             axes.axvline(alpha, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
+
+
+def _mark_transitions(axes: Axes, looks: Looks) -> list[Line2D]:
+    # On the upper edge, in the colours of letters; returns their legend.
+    found = looks.transitions
+    assert found is not None
+    alphas, kinds, letters = (found[name].values.ravel() for name in ('alpha', 'kind', 'letter'))
+    low, high = axes.get_xlim()
+    handles = []
+    for marker, (words, group) in MARKS.items():
+        here = np.isin(kinds, group) & (alphas >= low) & (alphas <= high)
+        colours = [looks.hue(LETTERS.index(letter)) if letter else GREY
+                   for letter in letters[here]]
+        axes.scatter(alphas[here], np.ones(np.count_nonzero(here)), marker=marker, s=34,
+                     c=colours, transform=axes.get_xaxis_transform(), clip_on=False, zorder=4,
+                     linewidths=0.5, edgecolors='white')
+        handles.append(style.legend_mark(marker, GREY, words))
+    return handles
 
 
 def _title(dataset: 'xarray.Dataset') -> str:

@@ -36,7 +36,8 @@ def draw(dataset: 'xarray.Dataset', **looks: Any) -> Figure:
         As a study returns it, or `open_dataset`.
     **looks
         `title`; `dpi`; `colours`, a colour map of matplotlib or 'paper'; `draw`, which picture of
-        several; and `mark`, amplitudes or a window that are marked.
+        several; `mark`, amplitudes or a window that are marked; and `transitions`, a dataset of
+        that study, which is marked in a diagram.
 
     Returns
     -------

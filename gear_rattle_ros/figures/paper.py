@@ -31,7 +31,8 @@ class Recipe:
 
     `paper` is what the paper's text says of its figure, `ours` what is found here, `agrees` a word
     of `AGREES`. `command` is a tool with options, or the name of a drawing beside the recipe;
-    figures of the same `store` are drawn from one dataset, with the options in `view`.
+    figures of the same `store` are drawn from one dataset, with the options in `view`, where
+    {data} is the folder of the datasets. The figure that it `needs` is made first.
     """
 
     figure: str
@@ -43,6 +44,7 @@ class Recipe:
     path: Path
     store: str = ''
     view: tuple[str, ...] = ()
+    needs: str = ''
 
     @property
     def drawing(self) -> Path | None:
@@ -56,6 +58,10 @@ class Recipe:
         name = f'figure-{self.figure}'
         paper = {f'{name}-paper': ('--colours', 'paper')} if self.agrees != 'ours' else {}
         return {} if self.drawing else paper | {name: ()}
+
+    def views(self, folder: Path) -> tuple[str, ...]:
+        """Return the options of what the pictures show, with the datasets below a folder."""
+        return tuple(word.format(data=folder / 'data') for word in self.view)
 
     @property
     def files(self) -> list[str]:
@@ -148,7 +154,8 @@ def _part(recipe: Recipe, folder: Path, place: str) -> str:
             lines += [*textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False), '']
     if not recipe.drawing:
         lines += ['```sh', ' \\\n'.join(textwrap.wrap(shlex.join(
-            [*recipe.command, *recipe.view, '--picture', f'figure-{recipe.figure}.png']), 95,
+            [*recipe.command, *recipe.views(Path('figures')), '--picture',
+             f'figure-{recipe.figure}.png']), 95,
             break_on_hyphens=False, subsequent_indent='    ')), '```', '', '```text', *(
                 line.rstrip() for line in record['printed'].strip('\n').splitlines()
                 if f'{folder}/' not in line), '```', '']

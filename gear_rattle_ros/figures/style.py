@@ -4,7 +4,7 @@ import dataclasses
 import math
 from pathlib import Path
 import struct
-from typing import Any, Final
+from typing import Any, Final, TYPE_CHECKING
 import zlib
 
 from matplotlib import colormaps, rc_context
@@ -19,6 +19,9 @@ from PIL import Image
 
 from ..core.arrays import FloatArray
 from ..palette import GREY, hue
+
+if TYPE_CHECKING:
+    import xarray
 
 DPI: Final = 100
 # Letters stay letters in PDF and SVG, as journals ask: no outlines, no fonts of Type 3.
@@ -47,6 +50,8 @@ class Looks:
     draw: str | None = None
     # Amplitudes, or the window of a magnification: two phases and two velocities.
     mark: tuple[float, ...] = ()
+    # What `transitions` has found, marked in a diagram.
+    transitions: 'xarray.Dataset | None' = None
 
     def __post_init__(self) -> None:
         if self.dpi is not None and not 10.0 <= self.dpi <= 2400.0:
