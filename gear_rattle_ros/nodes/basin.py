@@ -163,6 +163,7 @@ class Basin(ReportingNode):
         self._job: Job | None = None
         self._begun: Job | None = None
         self._results: queue.SimpleQueue[tuple[Job, Picture | None]] = queue.SimpleQueue()
+        self._waking, self._is_closed = threading.Lock(), False
         self._words = 'no impacts yet'
         self._counts = {'pictures': 0, 'parameters': 0, 'dropped': 0}
         self._seconds = {'first_picture_seconds': 0.0, 'last_picture_seconds': 0.0}
@@ -180,6 +181,9 @@ class Basin(ReportingNode):
         return 'ok', self._words, self._counts | self._seconds
 
     def close(self) -> None:
+        # What a job finds from now on would wake a node that is being destroyed.
+        with self._waking:
+            self._is_closed = True
         if self._job is not None:
             self._job.dropped.set()
 
@@ -223,7 +227,9 @@ class Basin(ReportingNode):
 
     def _put(self, job: Job, picture: Picture | None) -> None:
         self._results.put((job, picture))
-        self._arrived.trigger()
+        with self._waking:
+            if not self._is_closed:
+                self._arrived.trigger()
 
     def _publish(self) -> None:
         while not self._results.empty():

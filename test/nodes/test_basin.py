@@ -19,7 +19,7 @@ from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
-from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
+from gear_rattle_ros.nodes.basin import Basin, Job, Memory, picture_of, Settings, Wanted
 from gear_rattle_ros.palette import ENDS
 from gear_rattle_ros.qos import LATCHED, STREAM
 
@@ -193,3 +193,18 @@ def test_where_areas_are_preserved_all_is_unsettled_and_explained() -> None:
             f'0 attractors, 100.0% unsettled: {CONSERVES}')
         assert [values_of(picture.state, 1)[name] for name in ('key', 'share')] == [
             'unsettled', '1.0']
+
+
+@pytest.mark.filterwarnings('error::pytest.PytestUnhandledThreadExceptionWarning')
+def test_a_job_that_ends_after_its_node_wakes_nobody(rclpy_node: Node) -> None:
+    """Its thread lives on for a moment, and must not trigger what is destroyed."""
+    node = Basin(context=rclpy_node.context)
+    wanted = Wanted(Parameters(), 0, STAMP, 0.0, False)
+    job = Job(wanted, Memory(), node._settings, True, node._put)
+    node.close()
+    node.destroy_node()
+    job.dropped.set()
+    job.start()
+    job.join(60)
+    assert not job.is_alive() and not job.failure
+    assert node._results.qsize() == 1

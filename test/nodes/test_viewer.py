@@ -238,10 +238,18 @@ def test_a_viewer_that_is_closed_leaves_the_node_and_the_file(
         assert RrdReader(str(path)).stream().to_chunks()
 
 
-def test_web_viewer_is_on_this_machine_alone(start: Callable, port: int) -> None:
+def test_web_viewer_is_on_this_machine_alone(
+        start: Callable, port: int, rclpy_node: Node, spin: Callable) -> None:
     """The page is served on 127.0.0.1 and no other address, and ends with the node."""
+    pages = []
+    rclpy_node.create_subscription(DiagnosticArray, '/diagnostics', lambda message: pages.extend(
+        item.value for item in message.status[0].values if item.key == 'page'), 10)
     viewer = start('viewer', '--ros-args', '-p', 'mode:=web', '-p', f'web_port:={port}')
     viewer.wait_for('ready')
+    # At the port alone rerun shows nothing: the whole address says where the data are.
+    spin(lambda: pages)
+    assert pages[0].startswith(f'http://127.0.0.1:{port}/?url=rerun%2Bhttp') and (
+        pages[0] in viewer.text())
     with urllib.request.urlopen(f'http://127.0.0.1:{port}/') as page:
         assert b'rerun' in page.read().lower()
     listening = [line.split()[1] for line in Path('/proc/net/tcp').read_text().splitlines()

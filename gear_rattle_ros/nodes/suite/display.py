@@ -28,6 +28,8 @@ class Status:
     lost: dict[str, int] = dataclasses.field(default_factory=dict)
     gaps: dict[str, int] = dataclasses.field(default_factory=dict)
     bag_bytes: int = 0
+    # The web page that shows the run, empty for none.
+    page: str = ''
 
     def rows(self) -> list[tuple[str, str]]:
         def exponent(name: str, error: str = '') -> str:

@@ -86,6 +86,8 @@ class Monitor(Node):
             if 'gaps' in values:
                 self.status.gaps[name] = int(values['gaps'])
                 self.status.lost[name] = int(values.get('lost_impacts', 0))
+            if name == 'viewer':
+                self.status.page = values.get('page', '')
             if name == 'simulator':
                 self.status.alpha = float(values['alpha'])
 
@@ -169,13 +171,17 @@ class Suite:
         live = Live(
             render(status), console=console, auto_refresh=False) if console.is_terminal else None
         with live or contextlib.nullcontext():
-            began = time.monotonic()
+            began, page = time.monotonic(), ''
             first = shown = 0.0
             performance = Performance(_steps(options))
             while not stop.asked:
                 self._executor.spin_once(timeout_sec=0.05)
                 now = time.monotonic()
                 self._processes.check()
+                if status.page and not page:
+                    # Above the display, on a line of its own, where it can be clicked.
+                    page = status.page
+                    console.print(f'viewer   {page}', soft_wrap=True, highlight=False)
                 if not first:
                     status.phase = f'starting, {now - began:.0f} s'
                     if status.impacts:

@@ -70,7 +70,8 @@ class Viewer(ReportingNode):
         lag, self._lag = self._lag, 0.0
         level, message, values = self._input.report(
             rows_logged=sum(scene.rows for scene in self._scenes), impacts_drawn=drawn,
-            impacts_thinned_out=self._recent.impacts - drawn, largest_lag_seconds=lag)
+            impacts_thinned_out=self._recent.impacts - drawn, largest_lag_seconds=lag,
+            page=self._window.page if self._window is not None else '')
         return ('warn', self._lost, values) if self._lost else (level, message, values)
 
     def close(self) -> None:

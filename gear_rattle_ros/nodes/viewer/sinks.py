@@ -85,13 +85,13 @@ class Window:
         if self._stays:
             command += ['--memory-limit', MEMORY_LIMIT, '--hide-welcome-screen',
                         '--expect-data-soon']
-            self.place = 'a window'
+            self.page, self.place = '', 'a window'
         else:
             if _listens(web_port):
                 raise UserError(f'web_port = {web_port} is in use: choose another')
             command += ['--serve-web', '--web-viewer-port', str(web_port),
                         '--server-memory-limit', MEMORY_LIMIT]
-            self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
+            self.page = self.place = f'http://{LOOPBACK}:{web_port}/?url={quote(url, safe="")}'
         self._child = subprocess.Popen(command, **apart(0 if self._stays else signal.SIGTERM))
         self._wait_for([port] if self._stays else [port, web_port])
         self.recording = _recording(rr.GrpcSink(url), colour)
