@@ -28,7 +28,11 @@ EXECUTABLES = {
 ENVIRONMENT = {'viewer': {'RUST_LOG': 'warn,re_log_encoding::rrd::file_sink=error'}}
 
 
+_signals: list[int] = []
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    _signals.append(number)
     raise KeyboardInterrupt
 
 
@@ -44,7 +48,11 @@ def start(name: str) -> NoReturn:
             print(name, version(str(__package__)))
             status = 0
         else:
-            status = int(importlib.import_module(f'.{EXECUTABLES[name]}', __package__).main() or 0)
+            module = importlib.import_module(f'.{EXECUTABLES[name]}', __package__)
+            if _signals:
+                # Libraries may swallow any exception while they are imported.
+                raise KeyboardInterrupt
+            status = int(module.main() or 0)
     except KeyboardInterrupt:
         status = 0
     except ModuleNotFoundError as error:
