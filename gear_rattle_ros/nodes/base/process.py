@@ -1,9 +1,12 @@
 """The process of a node: its start, its signals, its children, its exit status."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import contextlib
 import ctypes
+import faulthandler
 import functools
 import gc
+import os
 import signal
 import subprocess
 import sys
@@ -21,6 +24,8 @@ from . import arguments as given
 from .errors import UserError
 from .node import ReportingNode
 
+# A node is taken down within this time [s].
+ENDED_WITHIN = 4.0
 # A signal is seen between two callbacks, or at the latest after this time [s].
 STOP_SEEN_WITHIN = 0.1
 # Found before any fork, after which a thread that is gone may hold the loader's lock.
@@ -50,6 +55,20 @@ def apart(number: int = signal.SIGTERM) -> dict[str, Any]:
     return {'stdin': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL,
             'stderr': subprocess.DEVNULL, 'start_new_session': True,
             'preexec_fn': functools.partial(_PRCTL, _PR_SET_PDEATHSIG, number)}
+
+
+@contextlib.contextmanager
+def ended_in_time() -> Iterator[None]:
+    """End the process with status 1 where DDS hangs when it is taken down; files are closed."""
+    # Fast DDS of the wheels may spin for ever there, holding the GIL, where others end at the same
+    # moment: only a thread of C can end that.
+    sys.stdout.flush()
+    with open(os.devnull, 'w') as nowhere:
+        faulthandler.dump_traceback_later(ENDED_WITHIN, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def begin(ros: list[str]) -> None:
@@ -90,7 +109,8 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
             return run(made, stop)
         finally:
             if isinstance(made, Node):
-                made.destroy_node()
+                with ended_in_time():
+                    made.destroy_node()
     except UserError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
@@ -101,7 +121,8 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
         stop.spinning = True
         # A node that was not completed holds shared memory, which would outlive the process.
         gc.collect()
-        try_shutdown()
+        with ended_in_time():
+            try_shutdown()
 
 
 def run_node(name: str, make: Callable[[], ReportingNode],

@@ -25,7 +25,7 @@ from .processes import Processes
 from ..base.arguments import overrides
 from ..base.client import PUT, RESET, SimulatorClient
 from ..base.errors import UserError
-from ..base.process import apart, exit_status, Stop
+from ..base.process import apart, ended_in_time, exit_status, Stop
 from ..base.services import listen
 from ...parameters import SIMULATOR
 from ...qos import LATCHED, STREAM
@@ -121,8 +121,9 @@ class Suite:
             self._watch(monitor, stop)
         finally:
             self._end_nodes()
-            self._executor.shutdown()
-            monitor.destroy_node()
+            with ended_in_time():
+                self._executor.shutdown()
+                monitor.destroy_node()
         self._print_result()
         return 0
 
