@@ -1,8 +1,11 @@
 """The scenes show what the paper states, and a bad file is named."""
 
+import dataclasses
 from pathlib import Path
+import re
 import sys
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -10,8 +13,10 @@ sys.path.insert(0, str(ROOT / 'tools'))
 
 import scene_page  # noqa: E402
 
+from gear_rattle_ros.attractors.plane import initial_condition  # noqa: E402
 from gear_rattle_ros.core.flight.simulation import Simulation  # noqa: E402
-from gear_rattle_ros.core.model import Parameters, State  # noqa: E402
+from gear_rattle_ros.core.many.recorded import record_impacts  # noqa: E402
+from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State  # noqa: E402
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov  # noqa: E402
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector  # noqa: E402
 from gear_rattle_ros.parameters import SIMULATOR  # noqa: E402
@@ -25,7 +30,8 @@ from gear_rattle_ros.scenes import (  # noqa: E402
 )
 
 
-def follow(name: str, impacts: int, step: int = 0) -> tuple[TransientDetector, RunningLyapunov]:
+def follow(name: str, impacts: int, step: int = 0
+           ) -> tuple[TransientDetector, RunningLyapunov, EventArray]:
     """Follow a scene's trajectory from one of its initial conditions, with the core alone."""
     known: dict[str, float] = {}
     for each in find_scene(name).steps[:step + 1]:
@@ -37,7 +43,7 @@ def follow(name: str, impacts: int, step: int = 0) -> tuple[TransientDetector, R
     events = simulation.advance(10**9, 0.0, impacts)
     detector.update(events)
     running.update(events)
-    return detector, running
+    return detector, running, events
 
 
 def test_names_and_values_are_those_of_the_simulator() -> None:
@@ -72,20 +78,42 @@ def test_chaotic_scenes_are_chaotic_for_as_long_as_they_last(name: str) -> None:
     """No orbit is found, and the exponent is far above zero."""
     scene = find_scene(name)
     # Fewer than four impacts are made in a drive period here.
-    detector, running = follow(name, int(4 * scene.seconds * scene.steps[0].parameters['rate']))
+    detector, running, _ = follow(name, int(4 * scene.seconds * scene.steps[0].parameters['rate']))
     assert detector.report.regime is Regime.TRANSIENT
     report = running.report
     assert report.lambda_1 > 10.0 * report.lambda_1_error > 0.0
 
 
-def test_long_transient_is_longer_than_5000_impacts_and_is_seen_to_end() -> None:
-    """Chaos lasts more than 5,000 impacts, then the orbit of four impacts takes over."""
+def test_chaos_before_the_crisis_is_a_long_transient_itself() -> None:
+    """The scene names its end, after which every twentieth impact is as hard."""
+    detector, _, events = follow('before-crisis', 200_000)
+    report = detector.report
+    assert (report.period_impacts, report.period_drive) == (20, 6)
+    assert f'{report.lifetime:,}' in find_scene('before-crisis').text
+    velocities = events['velocity'][events['kind'] <= EventKind.STICK]
+    changing = np.flatnonzero(np.abs(velocities[20:] - velocities[:-20]) > 0.01)
+    assert 0 <= report.lifetime - changing[-1] < 200
+
+
+def test_long_transient_is_that_of_figures_9b_and_10() -> None:
+    """The impacts are those that the figures draw, to the bit, and their transient is as long."""
     scene = find_scene('long-transient')
-    seen = int(3.0 * scene.seconds * scene.steps[0].parameters['rate'])
-    report = follow('long-transient', seen)[0].report
-    assert report.regime is Regime.ORBIT and report.lifetime is not None
-    assert report.lifetime > 5000
-    assert (report.period_impacts, report.period_drive) == (4, 1)
+    recipe = (ROOT / 'config' / 'figures' / 'figure-9b.yaml').read_text(encoding='utf-8')
+    drawn = [float(word) for word in re.findall(r'--initial (\S+) (\S+) (\S+)', recipe)[0]]
+    first = scene.steps[0].parameters
+    assert drawn == [first[f'initial_{key}'] for key in ('phase', 'velocity', 'displacement')]
+    parameters = Parameters(alpha=first['alpha'])
+    (row,), _ = record_impacts(initial_condition(parameters, *drawn), 0, 6000)
+    detector, _, events = follow('long-transient', 7000)
+    impacts = events[events['kind'] <= EventKind.STICK]
+    for name in row.dtype.names:
+        np.testing.assert_array_equal(row[name], impacts[name][:6000])
+    report = detector.report
+    assert (report.regime, report.period_impacts, report.period_drive) == (Regime.ORBIT, 4, 1)
+    assert f'{report.lifetime:,} impacts' in scene.text
+    assert re.search(rf'transient of\s+{report.lifetime:,}\s+impacts', recipe)
+    # It is seen to end: more than three impacts are made in a drive period.
+    assert 5000 < report.lifetime < 3.0 * scene.seconds * first['rate']
 
 
 @pytest.mark.long
@@ -98,6 +126,31 @@ def test_page_has_what_is_found_now() -> None:
     assert 'orbit of 2 impacts' in words[0] and 'orbit of 3 impacts' in words[-1]
     for name in played:
         assert (ROOT / 'doc' / 'scenes' / f'{name}.png').stat().st_size <= 150_000
+
+
+@pytest.mark.long
+def test_ramp_delays_what_hysteresis_shows() -> None:
+    """The places in the text are those of its ramp and of a slower one, both beyond the exact."""
+    scene = find_scene('hysteresis')
+    # B is a stable orbit of two impacts up to its doubling.
+    exact, seen = (0.52915, 0.57229), []
+    for slower in (1, 4):
+        ramp = dict(scene.steps[1].parameters)
+        ramp['alpha_rate'] /= slower
+        step = dataclasses.replace(scene.steps[1], parameters=ramp)
+        events = scene_page.play(dataclasses.replace(scene, steps=(scene.steps[0], step)))[1].events
+        impacts = events[events['kind'] <= EventKind.STICK]
+        upper = impacts[impacts['velocity'] > 0.0]
+        doubles = upper['alpha'][1:][np.abs(np.diff(upper['velocity'])) > 0.01]
+        # A has three impacts in a drive period; the last period is cut.
+        cycles, first, counts = np.unique(impacts['cycle'], return_index=True, return_counts=True)
+        not_on_a = np.flatnonzero(counts[:-1] != 3)[-1]
+        seen.append((doubles[doubles > 0.5][0], impacts['alpha'][first[not_on_a]]))
+        for place in seen[-1]:
+            assert f'{place:.4f}' in scene.text
+    assert np.all(np.diff([exact, *seen[::-1]], axis=0) > 0.0)
+    for place in exact:
+        assert str(place) in scene.text
 
 
 def test_steps_wait_for_time_and_ramp() -> None:
