@@ -132,13 +132,13 @@ def test_page_has_what_is_found_now() -> None:
 def test_ramp_delays_what_hysteresis_shows() -> None:
     """The places in the text are those of its ramp and of a slower one, both beyond the exact."""
     scene = find_scene('hysteresis')
-    # B is a stable orbit of two impacts up to its doubling.
     exact, seen = (0.52915, 0.57229), []
     for slower in (1, 4):
         ramp = dict(scene.steps[1].parameters)
         ramp['alpha_rate'] /= slower
         step = dataclasses.replace(scene.steps[1], parameters=ramp)
-        events = scene_page.play(dataclasses.replace(scene, steps=(scene.steps[0], step)))[1].events
+        slow = dataclasses.replace(scene, steps=(scene.steps[0], step))
+        events = scene_page.play(slow)[1].events
         impacts = events[events['kind'] <= EventKind.STICK]
         upper = impacts[impacts['velocity'] > 0.0]
         doubles = upper['alpha'][1:][np.abs(np.diff(upper['velocity'])) > 0.01]
