@@ -4,9 +4,10 @@ Basins and lifetimes from the start of a process to Zarr on disk, next to what e
 Prints rows of a Markdown table. The parts, each also alone by --only: the first start ever, which
 compiles, and the second (`start`); both grids (`basin`, `lifetimes`); one thread and two beside a
 control that does nothing but arithmetic (`threads`); a hundredth of a very large basin, with its
-memory (`strip`); and the labels that heyoka (Taylor series with events) and scipy's solve_ivp give
-on coarser grids, compared one by one, with a sample of them decided in 50 digits (`peers`). heyoka
-needs a separate environment: name its python in HEYOKA_PYTHON. What is not installed is skipped.
+memory (`strip`); and the labels of one coarser grid (`peers`) by heyoka (Taylor series with
+events), by scipy's solve_ivp, by this package from where the last digit of the phase or the
+velocity is another, and in 50 digits, which takes 20 minutes. heyoka needs a separate environment:
+name its python in HEYOKA_PYTHON. What is not installed is skipped.
 """
 
 import argparse
@@ -21,7 +22,7 @@ import time
 
 import numba
 import numpy as np
-from peers.comparison import compare, Comparison, decide, PARAMETERS, python_of
+from peers.comparison import Grid, INSIDE, MOVED, PARAMETERS, python_of
 from peers.picture import draw
 
 from gear_rattle_ros.attractors.finding import find_attractors
@@ -31,8 +32,10 @@ from gear_rattle_ros.store.store import open_dataset
 PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')
 # Options of a tool.
 GRIDS = {'basins': ['--alpha', '0.48'], 'lifetimes': ['--alpha', '1.244', '--cap', '5000']}
-# Impacts for which a peer follows each initial condition.
-IMPACTS = {'heyoka': 400, 'scipy': 250}
+# Displacements at which peers begin.
+BEGINS = {'heyoka': INSIDE, 'heyoka, from s = 0': 0.0, 'scipy': 0.0}
+# An error like those that scipy's tolerance leaves [1].
+COARSE = 1e-13
 TURNS = 2
 ARITHMETIC = 150_000_000
 # A process counts the memory of the one that started it as its own, so a small one starts it.
@@ -132,32 +135,49 @@ def strip(folder: Path, size: int) -> Iterator[Row]:
            f'all of it: about {seconds * size / rows / 3600.0:.1f} h', 'strip')
 
 
-def peers(folder: Path, sizes: dict[str, int], sample: int, picture: Path) -> Iterator[Row]:
-    """Compare labels with those of the peers, and decide some in 50 digits."""
-    grids: dict[str, Comparison] = {}
-    for peer, size in sizes.items():
-        python = python_of(peer)
-        if not python:
-            yield f'{peer}: not installed, skipped', '-', '-', 'peers'
-            continue
-        found = grids[peer] = compare(peer, python, size, IMPACTS[peer], folder)
-        impacts = size * size * IMPACTS[peer] / found.their_seconds
-        yield (f'labels of {size} x {size} cells at alpha 0.48', f'{found.our_seconds:.4f} s',
-               f'{peer}: {found.their_seconds:.2f} s, '
-               f'{found.their_seconds / found.our_seconds:,.0f} times as long; at most '
-               f'{impacts:,.0f} impacts/s', 'peers')
-        for words, chosen in found.classes().items():
-            if not np.any(chosen):
-                continue
-            count, ours, theirs = decide(found, chosen, sample)
-            yield (f'{peer} has {words}: {np.mean(chosen):.1%} of the cells, median lifetime '
-                   f'{np.median(found.lifetimes[chosen]):.0f} impacts',
-                   f'right here: {ours} of {count} in 50 digits', f'{peer} right: {theirs}',
-                   'peers')
-    if grids:
-        draw({peer: (found.ours.reshape(sizes[peer], -1), found.theirs.reshape(sizes[peer], -1))
-              for peer, found in grids.items()}, picture)
-        print(f'picture: {picture}', file=sys.stderr)
+def share(chosen: np.ndarray) -> str:
+    """Return the share of true ones, with its error."""
+    mean = np.mean(chosen)
+    return f'{100.0 * mean:.2f} ± {100.0 * np.sqrt(mean * (1.0 - mean) / len(chosen)):.2f} %'
+
+
+def peers(folder: Path, size: int, fine: int, picture: Path) -> Iterator[Row]:
+    """Compare the labels of all programs with ours and with those in 50 digits."""
+    grid = Grid(size)
+    ours = min((grid.ours() for _ in range(TURNS + 1)), key=lambda found: found.seconds)
+    moved = {what: grid.ours(what) for what in MOVED}
+    programs = {'basins': ours} | {f'basins, {what} one unit in the last place larger': found
+                                   for what, found in moved.items()}
+    for name, displacement in BEGINS.items():
+        peer = name.split(',')[0]
+        if python := python_of(peer):
+            programs[name] = grid.theirs(peer, python, folder, displacement)
+        else:
+            yield f'{name}: not installed, skipped', '-', '-', 'peers'
+    # Of ours both the labels and where they change with the last digit of the velocity.
+    draw({'basins, and with the velocity moved': (ours.labels, moved['velocity'].labels)}
+         | {name: (programs[name].labels, programs[name].labels)
+            for name in ('heyoka', 'scipy') if name in programs},
+         ours.labels, grid.catalogue, picture)
+    print(f'picture: {picture}', file=sys.stderr)
+    exact = grid.exact()
+    for name, found in (programs | {'50 digits': exact}).items():
+        none = found.labels < 0
+        yield (f'labels of {size} x {size} initial conditions at 0.48: {name}',
+               f'none {share(none)}; other than by `basins` '
+               f'{share((found.labels != ours.labels) & ~none)}',
+               f'other than in 50 digits {share((found.labels != exact.labels) & ~none)}; '
+               f'{found.seconds:.3g} s of one core, {found.seconds / ours.seconds:,.0f} times as '
+               'long', 'peers')
+    grid = Grid(fine)
+    ours = grid.ours()
+    for by, words in ((0.0, 'one unit in the last place'), (COARSE, f'{COARSE:g}')):
+        for what in MOVED:
+            other = grid.ours(what, by).labels != ours.labels
+            yield (f'labels of {fine} x {fine} initial conditions at 0.48: basins, {what} {words} '
+                   'larger', f'other {share(other)}',
+                   f'median lifetime there {np.median(ours.lifetimes[other]):.0f} impacts, '
+                   f'elsewhere {np.median(ours.lifetimes[~other]):.0f}', 'peers')
 
 
 def main() -> None:
@@ -168,15 +188,12 @@ def main() -> None:
                         help=f'which parts: {", ".join(PARTS)}; all by default')
     for name, size, words in (('size', 400, 'cells along an edge of both grids'),
                               ('strip', 20_000, 'cells along an edge of the very large basin'),
-                              ('heyoka', 50, 'cells along an edge for heyoka; 0 for none'),
-                              ('scipy', 12, 'cells along an edge for scipy; 0 for none'),
-                              ('sample', 8, 'cells of a kind decided in 50 digits')):
+                              ('peers', 30, 'cells along an edge of the grid for peers')):
         parser.add_argument(f'--{name}', type=int, default=size, metavar='N',
                             help=f'{words}; {size} by default')
     parser.add_argument('--picture', type=Path, default=Path(tempfile.gettempdir())
                         / 'disagreement.png', help='where the peers differ')
     given = parser.parse_args()
-    sizes = {peer: size for peer in IMPACTS if (size := getattr(given, peer))}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         parts = {'start': first_and_second(folder),
@@ -184,7 +201,7 @@ def main() -> None:
                  'lifetimes': whole('lifetimes', folder, given.size),
                  'threads': computing(given.size),
                  'strip': strip(folder, given.strip),
-                 'peers': peers(folder, sizes, given.sample, given.picture)}
+                 'peers': peers(folder, given.peers, given.size, given.picture)}
         print('| what | measured | beside it | `python benchmark/basins.py --only` |')
         print('|---|---|---|---|', flush=True)
         for part in PARTS:

@@ -1,16 +1,14 @@
-"""The labels of a grid by a peer and by the lanes, and who is right where they differ."""
+"""The labels of a grid by this package, by peers, and in 50 digits."""
 
-import dataclasses
 import os
 from pathlib import Path
-import random
 import subprocess
 import sys
 import time
+from typing import NamedTuple
 
 import numpy as np
 
-from gear_rattle_ros.attractors.catalogue import Catalogue
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.model import Parameters
@@ -20,27 +18,64 @@ from .arbiter import label_of
 FOLLOW = Path(__file__).with_name('follow.py')
 PARAMETERS = Parameters(alpha=0.48)
 # Distance within which the last impact of a peer is on an orbit [1].
-NEAR = 0.02
+NEAR = 1e-4
 CAP = 20_000
+# heyoka 7.13 misses the first return to a wall from exactly on it.
+INSIDE = -1e-300
+MOVED = ('phase', 'velocity')
 
 
-@dataclasses.dataclass(frozen=True)
-class Comparison:
-    """Both grids of labels, and the seconds of computing them."""
+class Labels(NamedTuple):
+    """A grid of labels, negative for none, and the seconds of one core; of ours lifetimes, too."""
 
-    ours: np.ndarray
-    theirs: np.ndarray
-    our_seconds: float
-    their_seconds: float
-    lifetimes: np.ndarray
-    initial: np.ndarray
-    catalogue: Catalogue
+    labels: np.ndarray
+    seconds: float
+    lifetimes: np.ndarray | None = None
 
-    def classes(self) -> dict[str, np.ndarray]:
-        """Divide the cells by the label that the peer gives them."""
-        agrees = self.ours == self.theirs
-        return {'the same label': agrees, 'another label': ~agrees & (self.theirs >= 0),
-                'no label': self.theirs < 0}
+
+class Grid:
+    """Initial conditions on the upper wall, and whose labels they have."""
+
+    def __init__(self, size: int) -> None:
+        """Find the attractors at 0.48."""
+        self.plane = Plane(phases=size, velocities=size)
+        self.initial = self.plane.cells(PARAMETERS, slice(0, size), slice(0, size))
+        self.catalogue = find_attractors(PARAMETERS, self.plane.draw(PARAMETERS, 1000, 1))
+
+    def ours(self, moved: str | None = None, by: float = 0.0) -> Labels:
+        """Follow all by the lanes; `moved` is what is larger, one unit in the last place or `by`."""
+        initial = self.initial.copy()
+        if moved:
+            initial[moved] = initial[moved] + by if by else np.nextafter(initial[moved], np.inf)
+        begin = time.process_time()
+        found = self.catalogue.label(initial, CAP, threads=1)
+        return Labels(found['label'], time.process_time() - begin, found['lifetime'])
+
+    def theirs(self, peer: str, python: str, folder: Path, displacement: float) -> Labels:
+        """Follow all by a peer."""
+        np.save(folder / 'initial.npy', np.stack([
+            self.initial['phase'], np.full(len(self.initial), displacement),
+            self.initial['velocity']], axis=1))
+        done = subprocess.run(
+            [python, str(FOLLOW), peer, str(folder / 'initial.npy'), str(folder / 'last.npy')],
+            check=True, stdout=subprocess.PIPE, text=True)
+        last = np.load(folder / 'last.npy')
+        labels = np.full(len(last), -1)
+        for number, orbit in enumerate(self.catalogue.orbits):
+            for phase, velocity in zip(orbit.phases, orbit.velocities, strict=True):
+                near = (np.abs(np.sin(0.5 * (last[:, 0] - phase))) < 0.5 * NEAR) & (
+                    np.abs(last[:, 1] - velocity) < NEAR)
+                labels[near] = number
+        return Labels(labels, float(done.stdout))
+
+    def exact(self) -> Labels:
+        """Follow all in 50 digits."""
+        orbits = [list(zip(orbit.phases.tolist(), orbit.velocities.tolist(), strict=True))
+                  for orbit in self.catalogue.orbits]
+        begin = time.process_time()
+        labels = [label_of(phase, velocity, orbits)
+                  for phase, velocity in self.initial[['phase', 'velocity']].tolist()]
+        return Labels(np.array(labels), time.process_time() - begin)
 
 
 def python_of(peer: str) -> str:
@@ -48,38 +83,3 @@ def python_of(peer: str) -> str:
     python = (os.environ.get('HEYOKA_PYTHON') if peer == 'heyoka' else None) or sys.executable
     missing = subprocess.run([python, '-c', f'import {peer}'], capture_output=True).returncode
     return '' if missing else python
-
-
-def compare(peer: str, python: str, size: int, count: int, folder: Path) -> Comparison:
-    """Follow size x size cells by the peer, count impacts each, and by the lanes."""
-    plane = Plane(phases=size, velocities=size)
-    initial = plane.cells(PARAMETERS, slice(0, size), slice(0, size))
-    np.save(folder / 'initial.npy', np.stack([initial['phase'], initial['velocity']], axis=1))
-    done = subprocess.run(
-        [python, str(FOLLOW), peer, str(folder / 'initial.npy'), str(folder / 'last.npy'),
-         str(count)], check=True, stdout=subprocess.PIPE, text=True)
-    last = np.load(folder / 'last.npy')
-    catalogue = find_attractors(PARAMETERS, plane.draw(PARAMETERS, 1000, 1))
-    begin = time.perf_counter()
-    result = catalogue.label(initial, CAP)
-    seconds = time.perf_counter() - begin
-    theirs = np.full(len(initial), -1)
-    for number, orbit in enumerate(catalogue.orbits):
-        for phase, velocity in zip(orbit.phases, orbit.velocities, strict=True):
-            near = (np.abs(np.sin(0.5 * (last[:, 0] - phase))) < 0.5 * NEAR) & (
-                np.abs(last[:, 1] - velocity) < NEAR)
-            theirs[near] = number
-    return Comparison(result['label'], theirs, seconds, float(done.stdout), result['lifetime'],
-                      initial, catalogue)
-
-
-def decide(found: Comparison, chosen: np.ndarray, most: int) -> tuple[int, int, int]:
-    """Follow some of the chosen cells in 50 digits; how many, right here, right there."""
-    orbits = [list(zip(orbit.phases.tolist(), orbit.velocities.tolist(), strict=True))
-              for orbit in found.catalogue.orbits]
-    cells = np.flatnonzero(chosen).tolist()
-    sample = random.Random(1).sample(cells, min(most, len(cells)))
-    right = [label_of(found.initial['phase'][n], found.initial['velocity'][n], orbits)
-             for n in sample]
-    return (len(sample), *(sum(labels[n] == label for n, label in zip(sample, right, strict=True))
-                           for labels in (found.ours, found.theirs)))

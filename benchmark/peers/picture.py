@@ -1,35 +1,43 @@
-"""Where peers give other labels: here, there, and the cells that differ."""
+"""The labels of some programs, and below each where they are not ours."""
 
 from pathlib import Path
 
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 import numpy as np
 
-from gear_rattle_ros.palette import hue
+from gear_rattle_ros.attractors.catalogue import Catalogue
+from gear_rattle_ros.attractors.letters import numbers_of
+from gear_rattle_ros.core.many.settling import UNSETTLED
+from gear_rattle_ros.figures.style import add_axes, DPI, Looks, new_figure, phase_ticks, scaled
+from gear_rattle_ros.palette import AMBER, colours_of, ENDS, painted
 
-# No label, the first orbit, the second.
-COLOURS = ListedColormap(['#d0d0d0', hue(0), hue(1)])
-DIFFERS = ListedColormap(['#ffffff', '#c2410c'])
+EDGE, LEFT, BOTTOM, GAP, TOP = 300, 84, 62, 32, 56
+SAME, OTHER = 0, 1
+DIFFERS = {UNSETTLED: ENDS[UNSETTLED], SAME: '#ffffff', OTHER: AMBER}
 
 
-def draw(grids: dict[str, tuple[np.ndarray, np.ndarray]], path: Path) -> None:
-    """Draw a row of three pictures for each peer."""
-    if not grids:
-        return
-    figure = Figure((10.5, 3.4 * len(grids)), dpi=80, layout='constrained')
-    rows = figure.subplots(len(grids), 3, squeeze=False, sharex=True, sharey=True)
-    window = {'extent': (0.0, 2.0, -2.0, 2.0), 'origin': 'lower', 'aspect': 'auto',
-              'interpolation': 'nearest'}
-    for axes, (peer, (ours, theirs)) in zip(rows, grids.items(), strict=True):
-        for one, labels, words in ((axes[0], ours, 'basins'), (axes[1], theirs, peer)):
-            one.imshow(labels, cmap=COLOURS, vmin=-1.5, vmax=1.5, **window)
-            one.set_title(words)
-        differs = ours != theirs
-        axes[2].imshow(differs, cmap=DIFFERS, vmin=0, vmax=1, **window)
-        axes[2].set_title(f'{np.mean(differs):.1%} differ')
-        axes[0].set_ylabel("velocity s' [1]")
-    for one in rows[-1]:
-        one.set_xticks([0.0, 0.5, 1.0, 1.5, 2.0], ['0', 'π/2', 'π', '3π/2', '2π'])
-        one.set_xlabel('drive phase [rad]')
-    figure.savefig(path)
+def draw(programs: dict[str, tuple[np.ndarray, np.ndarray]], ours: np.ndarray,
+         catalogue: Catalogue, path: Path) -> None:
+    """Draw a column for each program: its labels above those that are compared with ours."""
+    size = round(len(ours)**0.5)
+    edge, window = scaled(size, EDGE), (0.0, 2.0 * np.pi, -2.0, 2.0)
+    orbits = range(len(catalogue.orbits))
+    colours = colours_of(list(numbers_of(orbits, catalogue.letters).values()))
+    figure = new_figure(LEFT + len(programs) * (edge + GAP), BOTTOM + 2 * (edge + TOP), Looks())
+    for column, (name, (labels, compared)) in enumerate(programs.items()):
+        left, none = LEFT + column * (edge + GAP), compared < 0
+        differs = np.where(none, UNSETTLED, np.where(compared == ours, SAME, OTHER))
+        words = (f'{100.0 * np.mean(differs == OTHER):.2f} % another label, '
+                 f'{100.0 * np.mean(none):.2f} % none')
+        for row, values, table, title in ((1, labels, colours, name),
+                                          (0, differs, DIFFERS, words)):
+            axes = add_axes(figure, left, BOTTOM + row * (edge + TOP), edge, edge)
+            axes.imshow(painted(values.reshape(size, size), table), extent=window, origin='lower',
+                        aspect='auto', interpolation='nearest')
+            axes.set_title(title, fontsize=12)
+            phase_ticks(axes, window[:2])
+            if column == 0:
+                axes.set_ylabel("velocity s' [1]", fontsize=12)
+            axes.tick_params(labelleft=column == 0, labelbottom=row == 0)
+            if row == 1:
+                axes.set_xlabel('')
+    figure.savefig(path, dpi=DPI)
