@@ -6,7 +6,7 @@ compiles, and the second (`start`); both grids (`basin`, `lifetimes`); one threa
 control that does nothing but arithmetic (`threads`); a hundredth of a very large basin, with its
 memory (`strip`); and the labels of one coarser grid (`peers`) by heyoka (Taylor series with
 events), by scipy's solve_ivp, by this package from where the last digit of the phase or the
-velocity is another, and in 50 digits, which takes 20 minutes. heyoka needs a separate environment:
+velocity is another, and in 50 digits, which takes minutes. heyoka needs a separate environment:
 name its python in HEYOKA_PYTHON. What is not installed is skipped.
 """
 

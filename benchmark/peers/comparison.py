@@ -20,7 +20,7 @@ PARAMETERS = Parameters(alpha=0.48)
 # Distance within which the last impact of a peer is on an orbit [1].
 NEAR = 1e-4
 CAP = 20_000
-# heyoka 7.13 misses the first return to a wall from exactly on it.
+# From exactly on a wall heyoka 7.13 can miss a return to it within its first step.
 INSIDE = -1e-300
 MOVED = ('phase', 'velocity')
 
@@ -43,7 +43,7 @@ class Grid:
         self.catalogue = find_attractors(PARAMETERS, self.plane.draw(PARAMETERS, 1000, 1))
 
     def ours(self, moved: str | None = None, by: float = 0.0) -> Labels:
-        """Follow all by the lanes; `moved` is what is larger, one unit in the last place or `by`."""
+        """Follow all by the lanes; `moved` is larger `by` that, or by one unit in the last place."""
         initial = self.initial.copy()
         if moved:
             initial[moved] = initial[moved] + by if by else np.nextafter(initial[moved], np.inf)
