@@ -43,7 +43,7 @@ class Grid:
         self.catalogue = find_attractors(PARAMETERS, self.plane.draw(PARAMETERS, 1000, 1))
 
     def ours(self, moved: str | None = None, by: float = 0.0) -> Labels:
-        """Follow all by the lanes; `moved` is larger `by` that, or by one unit in the last place."""
+        """Follow all by the lanes; `moved` is larger `by` that, or by one unit in the last."""
         initial = self.initial.copy()
         if moved:
             initial[moved] = initial[moved] + by if by else np.nextafter(initial[moved], np.inf)
