@@ -1,9 +1,12 @@
 """The command `section`."""
 
+from pathlib import Path
+
 from . import options
 from .options import add, number, whole
 from .refusal import Parser
 from .run import Command
+from ..core.defaults import SEED
 
 
 def _add_options(parser: Parser) -> None:
@@ -14,8 +17,12 @@ def _add_options(parser: Parser) -> None:
     add(parser, 'bins', whole(1), (720, 540), 'bins along phase and velocity')
     add(parser, 'bin-window', number, (-2.0, 2.0), 'velocities counted [1]')
     options.add_initial(parser)
+    add(parser, 'noise', number, 0.0, 'standard deviation of the kick that an impact adds to the '
+        'velocity of one trajectory [1]')
     options.add_plane(parser)
-    options.add_seed(parser)
+    add(parser, 'seed', whole(0), SEED, 'seed of the random initial conditions, and of the noise')
+    parser.add_argument('--compare', type=Path, metavar='STORE.zarr',
+                        help='compare the density with that of another section')
 
 
 main = Command('section', 'Count impacts on the section of phase and velocity.', 'section.zarr',

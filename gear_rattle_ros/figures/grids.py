@@ -36,7 +36,7 @@ STEPS: Final = 64
 def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw which initial condition goes where."""
     labels = _thinned(dataset['label'])
-    colours, names = _attractors(dataset, looks)
+    colours, names = colours_and_names(dataset, looks)
     colours, names = ENDS | colours, {UNSETTLED: 'unsettled'} | names
     patches = [Patch(color=colours[label], label=f'{name}  {_share(labels == label)}')
                for label, name in sorted(names.items(), key=lambda item: (item[0] < 0, item[1]))
@@ -83,7 +83,7 @@ def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 def draw_attractors(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the attractors on the section."""
     figure, axes = _new(dataset, 'Attractors on the section', looks)
-    colours, names = _attractors(dataset, looks)
+    colours, names = colours_and_names(dataset, looks)
     for label, share in zip(dataset['attractor_label'].values.tolist(),
                             dataset['attractor_share'].values, strict=True):
         # A chaotic attractor is a thin line.
@@ -124,8 +124,9 @@ def draw_survival(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     return figure
 
 
-def _attractors(dataset: 'xarray.Dataset', looks: Looks) -> tuple[dict[int, str], dict[int, str]]:
-    # The colour and the name of each attractor by label: its letter, or else its label, and key.
+def colours_and_names(dataset: 'xarray.Dataset', looks: Looks
+                      ) -> tuple[dict[int, str], dict[int, str]]:
+    """Return each attractor's colour and its name, a letter or its label and key, by label."""
     labels = dataset['attractor_label'].values.tolist()
     letters = dict(zip(labels, dataset['attractor_letter'].values.tolist(), strict=True))
     colours = {label: looks.hue(number) for label, number in numbers_of(labels, letters).items()}

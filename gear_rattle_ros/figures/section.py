@@ -8,7 +8,9 @@ from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from . import style
+from .grids import colours_and_names
 from .style import LEFT, Looks, RIGHT
+from ..core.flight.lanes import EMPTY
 from ..core.orbits.letters import LETTERS
 from ..core.words import counted
 from ..palette import GREY
@@ -83,16 +85,27 @@ def _draw_impacts(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     figure = style.new_figure(LEFT + WIDTH + RIGHT, BOTTOM + HEIGHT + style.TOP, looks)
     axes = style.add_axes(figure, LEFT, BOTTOM, WIDTH, HEIGHT)
     settled = numbers > a['lifetime'] if a['lifetime'] >= 0 else np.zeros(len(numbers), np.bool_)
-    for number, chosen in enumerate((~settled, settled)):
-        axes.plot(numbers[chosen], velocities[chosen], 'o', color=looks.ink(number),
-                  markersize=1.6, markeredgewidth=0.0, rasterized=True)
+    colours = {0: looks.ink(0), 1: looks.ink(1)}
+    parts, size = settled.astype(np.int64), 1.6
+    if 'impact_attractor' in dataset:
+        # With noise, by the attractor whose core was visited last.
+        parts, size = dataset['impact_attractor'].values, 1.0
+        colours, names = colours_and_names(dataset, looks)
+        colours[EMPTY] = GREY
+        axes.legend(handles=[style.legend_mark('o', colours[label], name) for label, name in
+                             names.items() if label in parts], loc='lower right',
+                    bbox_to_anchor=(1.01, 0.99), ncols=2, frameon=False, handletextpad=0.2)
+    for part, colour in colours.items():
+        axes.plot(numbers[parts == part], velocities[parts == part], 'o', color=colour,
+                  markersize=size, markeredgewidth=0.0, rasterized=True)
     if settled.any() and not looks.is_paper:
         axes.axvline(a['lifetime'], color=GREY, linewidth=0.8, linestyle='--')
     axes.set_xlim(numbers[0], numbers[-1])
     axes.xaxis.set_major_formatter(FuncFormatter(style.thousands))
     axes.set_xlabel('impact n', fontsize=12)
     axes.set_ylabel(style.VELOCITY_LABEL, fontsize=12)
-    end = (f', on its orbit after {counted(a["lifetime"], "impact")}' if settled.any() else '')
+    end = (f', on its orbit after {counted(a["lifetime"], "impact")}' if settled.any() else
+           f', kicks of {a["noise"]:g}, {counted(a["jumps"], "jump")}' if 'jumps' in a else '')
     style.write_title(figure, LEFT, looks.title or f'alpha {a["alpha"]:g}: one trajectory{end}')
     return figure
 

@@ -29,6 +29,8 @@ TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
 TAIL: Final = 0.1
 # Bins of the distribution, even in the logarithm.
 BINS: Final = 200
+# Lifetimes below this number of impacts are brief.
+BRIEF: Final = 100
 # Caps for which trajectories that many initial conditions share are followed.
 FAR: Final = 20
 
@@ -72,8 +74,9 @@ class Escape:
             f'{self.censored:,} of {counted(self.initial_conditions, "initial condition")} '
             f'({self.censored / self.initial_conditions:.2%}) live '
             f'{counted(self.cap, "impact")} or longer',
-            f'tail from {counted(self.begin, "impact")}: {counted(self.escapes, "escape")}, rate '
-            f'{self.rate:.4e} +- {self.rate_error:.1e} per impact',
+            f'tail from {counted(self.begin, "impact")}: ' + (
+                f'{counted(self.escapes, "escape")}, rate {self.rate:.4e} +- '
+                f'{self.rate_error:.1e} per impact' if self.in_tail else 'nothing lives longer'),
             f'mean lifetime: {self.mean:,.1f} +- {self.mean_error:,.1f} impacts']
         if self.merged:
             shared = counted(self.trajectories, 'shared trajectory')
@@ -159,14 +162,18 @@ def lifetimes(parameters: Parameters, plane: Plane | None = None, *,
         initial_conditions=initial_conditions, chaotic=False, tile=tile, name=NAME, title=TITLE)
     escaped, censored, merged = tally(parts_of(store, parameters, plane), catalogue.table, cap)
     escape = estimate_escape(escaped[0], int(censored[0]), begin, merged)
-    edges, counts, survival = distribution(np.sum(escaped, axis=0), int(np.sum(censored)))
+    ended = np.sum(escaped, axis=0)
+    edges, counts, survival = distribution(ended, int(np.sum(censored)))
+    brief, together = brief_cells(store)
     store.write_table({
         'edge': (('edge',), edges, named('edge of a bin', 'impacts')),
         'escapes': (('bin',), counts, named('escapes after edge and up to the next')),
         'survival': (('edge',), survival, named('share of the cells with a longer lifetime')),
     })
     store.set_attributes({f'escape_{name}': value if math.isfinite(value) else str(value)
-                          for name, value in dataclasses.asdict(escape).items()})
+                          for name, value in dataclasses.asdict(escape).items()} | {
+        'brief': brief, 'brief_neighbours': together,
+        'longest': int(np.max(np.flatnonzero(ended), initial=0))})
     return store
 
 
@@ -180,7 +187,12 @@ def escape_of(dataset: Arrays) -> Escape:
 
 def describe(dataset: Arrays) -> str:
     """Put lifetimes in words: the attractors, and how transients end."""
-    return describe_attractors(dataset, beside=escape_of(dataset).describe())
+    a, escape = dataset.attrs, escape_of(dataset)
+    return describe_attractors(dataset, beside=(
+        f'{a["brief"] / escape.initial_conditions:.2%} live less than '
+        f'{counted(BRIEF, "impact")}, and so do {a["brief_neighbours"]:.1%} of their neighbours; '
+        f'the longest that ends lives {a["longest"]:,}\n'
+        f'{escape.describe()}'))
 
 
 def parts_of(store: Store, parameters: Parameters, plane: Plane
@@ -192,6 +204,18 @@ def parts_of(store: Store, parameters: Parameters, plane: Plane
         for name in GRIDS:
             results[name] = store.read(tile, name).ravel()
         yield initial, results
+
+
+def brief_cells(store: Store) -> tuple[int, float]:
+    """Count the cells of brief lifetimes; return the share of their neighbours that are, too."""
+    count, ends, both = 0, 0, 0
+    for tile in range(len(store.tiles)):
+        brief = (store.read(tile, 'lifetime') < BRIEF) & (store.read(tile, 'label') != UNSETTLED)
+        count += np.count_nonzero(brief)
+        for a, b in ((brief[1:], brief[:-1]), (brief[:, 1:], brief[:, :-1])):
+            ends += np.count_nonzero(a) + np.count_nonzero(b)
+            both += 2 * np.count_nonzero(a & b)
+    return count, both / max(ends, 1)
 
 
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int
