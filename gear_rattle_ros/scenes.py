@@ -101,12 +101,12 @@ class Performance:
 
 
 def load_scenes(folder: Path | None = None) -> dict[str, Scene]:
-    """Return all scenes by name, in the order of their alpha; ValueError names a bad one."""
+    """Return all scenes by name, in the order of alpha and noise; ValueError names a bad one."""
     folder = config_folder('scenes') if folder is None else folder
     scenes = [read_scene(path) for path in sorted(folder.glob('*.yaml'))]
     if not scenes:
         raise ValueError(f'{folder} holds no scenes; install the package with its config/')
-    scenes.sort(key=lambda scene: scene.steps[0].parameters['alpha'])
+    scenes.sort(key=lambda scene: [scene.steps[0].parameters[name] for name in ('alpha', 'noise')])
     return {scene.name: scene for scene in scenes}
 
 

@@ -13,6 +13,8 @@ sys.path.insert(0, str(ROOT / 'tools'))
 
 import scene_page  # noqa: E402
 
+from gear_rattle_ros.attractors.cores import find_jumps  # noqa: E402
+from gear_rattle_ros.attractors.finding import find_attractors  # noqa: E402
 from gear_rattle_ros.attractors.plane import initial_condition  # noqa: E402
 from gear_rattle_ros.core.flight.simulation import Simulation  # noqa: E402
 from gear_rattle_ros.core.many.recorded import record_impacts  # noqa: E402
@@ -59,9 +61,9 @@ def test_names_and_values_are_those_of_the_simulator() -> None:
 
 
 def test_paper_is_there_by_name() -> None:
-    """The five situations, at the paper's amplitudes."""
+    """The six situations, at the paper's amplitudes."""
     alphas = {name: scene.steps[0].parameters['alpha'] for name, scene in load_scenes().items()}
-    assert alphas == {'hysteresis': 0.47, 'two-attractors': 0.48, 'chaotic-b': 0.57,
+    assert alphas == {'hysteresis': 0.47, 'two-attractors': 0.48, 'jumps': 0.48, 'chaotic-b': 0.57,
                       'before-crisis': 1.23, 'long-transient': 1.244}
 
 
@@ -114,6 +116,17 @@ def test_long_transient_is_that_of_figures_9b_and_10() -> None:
     assert re.search(rf'transient of\s+{report.lifetime:,}\s+impacts', recipe)
     # It is seen to end: more than three impacts are made in a drive period.
     assert 5000 < report.lifetime < 3.0 * scene.seconds * first['rate']
+
+
+def test_noise_makes_the_driven_gear_jump_between_a_and_b() -> None:
+    """Tens of jumps each way; with kicks of 0.003 there are none."""
+    known = find_scene('jumps').steps[0].parameters
+    attractors = find_attractors(Parameters(alpha=known['alpha']))
+    for noise, least, most in ((known['noise'], 20, 80), (0.003, 0, 0)):
+        events = Simulation(attractors.parameters, State(0, 0.0, 0.0, -1.0), noise=noise,
+                            seed=int(known['seed'])).advance(30_000, 0.0, 200_000)
+        counts = find_jumps(attractors, events['phase'], events['velocity']).counts
+        assert all(least <= counts.get(jump, 0) <= most for jump in ((0, 1), (1, 0)))
 
 
 @pytest.mark.long
@@ -193,5 +206,5 @@ def test_bad_scene_is_named_in_one_line(tmp_path: Path, text: str, words: str) -
 
 def test_unknown_scene_is_answered_with_all() -> None:
     """The names are in the answer."""
-    with pytest.raises(ValueError, match='hysteresis, two-attractors, chaotic-b'):
+    with pytest.raises(ValueError, match='hysteresis, two-attractors, jumps, chaotic-b'):
         find_scene('chaos')

@@ -6,6 +6,7 @@ trajectories settle on the orbit; that of a chaotic attractor is its boxes. A tr
 attractor whose core it has visited last: one that only crosses a boundary has not jumped yet.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 import math
 from typing import Final, NamedTuple
@@ -21,6 +22,7 @@ from ..core.many.recorded import initial_after
 from ..core.many.settling import BOXES
 from ..core.orbits.orbit import Orbit
 from ..core.orbits.section import distances
+from ..core.words import in_columns
 
 # The widest ball [1], which is halved until at least this share of it settles on the orbit, and
 # the points that are tried along an edge.
@@ -37,12 +39,22 @@ class Jumps(NamedTuple):
     radius: Mapping[int, float]  # of the balls of an orbit, by its label [1]
     counts: Mapping[tuple[int, int], int]  # jumps, by the labels before and after
 
+    def describe(self, names: Mapping[int, str]) -> str:
+        """Put the jumps in words, with standard errors; `names` are by label."""
+        rows = [[name, f'{self.radius[label]:g}' if label in self.radius else 'boxes',
+                 f'{np.mean(self.last == label):.1%}', *(
+                     _counted(self.counts.get((label, to), 0)) if to != label and np.any(
+                         self.last == label) else '-' for to in names)]
+                for label, name in names.items()]
+        return in_columns(['attractor', ' core [1]', ' impacts on it', *(
+            f' jumps to {name}' for name in names.values())], rows) + (
+                f'\n{self.inside:.1%} of the impacts are in cores')
+
 
 def find_jumps(catalogue: Catalogue, phases: FloatArray, velocities: FloatArray) -> Jumps:
     """Find the core that was visited last at each impact of a trajectory, in turn."""
     core, radius = np.full(len(phases), EMPTY), {}
-    known = [each for each in catalogue.attractors if each.label >= 0]
-    for each in known:
+    for each in catalogue.attractors:
         if each.chaos:
             core[_in_boxes(each.chaos, phases, velocities)] = each.label
         elif each.orbit:
@@ -51,11 +63,11 @@ def find_jumps(catalogue: Catalogue, phases: FloatArray, velocities: FloatArray)
                 core[distances(velocities, phases, velocity, phase)
                      <= radius[each.label]] = each.label
     visits = core[core != EMPTY]
-    jumps = np.column_stack([visits[:-1], visits[1:]])
-    before = np.maximum.accumulate(np.where(core == EMPTY, -1, np.arange(len(core))))
-    return Jumps(np.where(before < 0, EMPTY, core[before]), len(visits) / max(len(core), 1),
-                 radius, {(a.label, b.label): int(np.sum(np.all(jumps == (a.label, b.label), 1)))
-                          for a in known for b in known if a is not b})
+    jumped = visits[1:] != visits[:-1]
+    jumps = zip(visits[:-1][jumped].tolist(), visits[1:][jumped].tolist(), strict=True)
+    before = np.maximum.accumulate(np.where(core == EMPTY, EMPTY, np.arange(len(core))))
+    return Jumps(np.where(before == EMPTY, EMPTY, core[before]),
+                 len(visits) / max(len(core), 1), radius, Counter(jumps))
 
 
 def core_radius(catalogue: Catalogue, attractor: Attractor, orbit: Orbit) -> float:
@@ -84,7 +96,6 @@ def _in_boxes(chaos: ChaoticSet, phases: FloatArray, velocities: FloatArray) -> 
                             columns[slow]]]
 
 
-def poisson(count: int) -> str:
-    """Put a count in words, with its standard error."""
+def _counted(count: int) -> str:
     # The largest mean that is compatible with no event at 95 %.
-    return f'{count:,} +- {math.sqrt(count):.1f}' if count else '0 (fewer than 3.0 at 95 %)'
+    return f'{count:,} +- {math.sqrt(count):.1f}' if count else '0, mean < 3.0'

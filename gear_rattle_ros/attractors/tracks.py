@@ -42,7 +42,9 @@ def track(keys: npt.NDArray[np.str_], points: FloatArray, chaotic: npt.NDArray[n
             # Where several are near, the one that has been seen most often goes on.
             recent = tuple(trace for number, (last, trace) in sorted(
                 seen.items(), key=lambda item: -np.count_nonzero(numbers == item[0]))
-                if c - last <= (GAP_OF_CHAOS if trace.is_chaotic else GAP)
+                # A letter is exact: where it is missing, the attractor is not there.
+                if c - last <= (1 if number < first else
+                                GAP_OF_CHAOS if trace.is_chaotic else GAP)
                 and number not in numbers[s, c])
             _, found = follow(recent, [_of(points[s, c, k], chaotic[s, c, k]) for k in left],
                               fresh=count)

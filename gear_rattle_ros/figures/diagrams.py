@@ -154,8 +154,7 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     axes.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
     style.write_title(figure, LEFT, looks.title or (
-        'Shares of the attractors; lines: fold (solid), doubling (dotted), crisis (dashed), '
-        'others (dash-dotted)'))
+        'Shares of the attractors; fold solid, doubling dotted, crisis dashed'))
     _legend(axes, dataset, looks)
     return figure
 

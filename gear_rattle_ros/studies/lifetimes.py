@@ -215,7 +215,7 @@ def brief_cells(store: Store) -> tuple[int, float]:
         for a, b in ((brief[1:], brief[:-1]), (brief[:, 1:], brief[:, :-1])):
             ends += np.count_nonzero(a) + np.count_nonzero(b)
             both += 2 * np.count_nonzero(a & b)
-    return count, both / max(ends, 1)
+    return int(count), float(both / max(ends, 1))
 
 
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int

@@ -5,7 +5,7 @@ import functools
 import itertools
 import math
 from pathlib import Path
-from typing import Unpack
+from typing import Final, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,8 @@ from ..core.words import counted, in_columns
 from ..store.store import Store
 
 NAME = 'orbit_diagram'
+# The share from which on an attractor has most of the trajectories.
+MOST: Final = 0.9
 
 
 @Study
@@ -134,8 +136,11 @@ def describe(dataset: Arrays) -> str:
         rows.append([f'{max(letters[numbers == label])} {label}', f'{len(seen):,}',
                      f'{seen[0]:.6f}', f'{seen[-1]:.6f}',
                      str(keys[numbers == label][np.argmin(places)])])
+    largest = np.where(numbers >= 0, dataset['share'].values, 0.0)[0].max(axis=1)
     lines = [in_columns(
-        [' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows)]
+        [' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows),
+        f'one attractor has {MOST:.0%} of the trajectories or more at '
+        f'{np.count_nonzero(largest >= MOST):,} of {counted(len(alphas), "alpha")}']
     unsettled = np.where(dataset['kind'].values == KINDS.index(Kind.UNSETTLED.value),
                          dataset['share'].values, 0.0).sum(axis=2).max(axis=0)
     if np.any(unsettled):

@@ -9,7 +9,7 @@ import numpy as np
 from .attractors import identity_of, write_attractors
 from .densities import compare_densities
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.cores import find_jumps, poisson
+from ..attractors.cores import find_jumps
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import initial_condition, Plane
@@ -155,17 +155,13 @@ def _follow_noisy(store: Store, plane: Plane, impacts: EventArray) -> None:
     write_attractors(store, catalogue)
     store.write_table({'impact_attractor': (('impact',), jumps.last, named(
         'label of the attractor whose core was visited last, -1 before the first'))})
-    names = {each.label: each.letter or each.key for each in catalogue.attractors}
+    names = {each.label: each.letter or each.key
+             for each in catalogue.attractors if each.label >= 0}
     periods = int(impacts['cycle'][-1] - impacts['cycle'][0]) if len(impacts) else 0
-    found = [f'{names[a]} to {names[b]} {poisson(count)}' for (a, b), count in
-             jumps.counts.items()]
-    cores = ', '.join(f'{names[label]} {radius:g}' for label, radius in jumps.radius.items())
     store.set_attributes({
         'attractors': repr(catalogue), 'lifetime': -1, 'jumps': sum(jumps.counts.values()),
-        'noisy': f'jumps with kicks of {store.attrs["noise"]:g}: {", ".join(found) or "none"}, '
-        f'in {counted(len(impacts), "impact")}, {counted(periods, "drive period")}\n'
-        f'{jumps.inside:.1%} of the impacts in core sets'
-        + (f', of radius {cores}' if cores else '')})
+        'noisy': f'{counted(len(impacts), "impact")} with kicks of {store.attrs["noise"]:g}, in '
+        f'{counted(periods, "drive period")}\n{jumps.describe(names)}'})
 
 
 def _counted(store: Store, phases: FloatArray, velocities: FloatArray) -> FloatArray:

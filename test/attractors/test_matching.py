@@ -3,8 +3,10 @@
 import numpy as np
 
 from gear_rattle_ros.attractors.finding import Catalogue, find_attractors
+from gear_rattle_ros.attractors.letters import LETTERS
 from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.tracks import track
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.palette import colours_of, HUES, painted
 
@@ -42,6 +44,20 @@ def test_a_vanished_attractor_leaves_its_colour_free() -> None:
     later, hues = follow(known, [(fresh, False), (moved, False)], is_complete=False)
     assert hues == (2, 0)
     assert follow(later, [(far, True)])[1] == (1,)
+
+
+def test_a_letter_goes_on_to_the_next_alpha_alone() -> None:
+    """Without a letter chaos is another attractor, unless its letter was there just before."""
+    letters = np.array(['D', 'D', '', '', '', ''])[None, :, None]
+    here = letters[0, :, 0] != ''
+    for missing, is_new in ((np.array([0, 0, 0, 0, 1, 1]), True),
+                            (np.array([0, 0, 1, 1, 1, 1]), False)):
+        there = (here | (missing > 0))[None, :, None]
+        keys = np.where(there, 'chaotic-6-3', '')
+        points = np.where(there[..., None, None], [[[[[0.0, 5.3, 0.84]]]]], np.nan)
+        numbers = track(keys, points, there, there, letters)[0, :, 0]
+        assert np.all(numbers[here] == LETTERS.index('D'))
+        assert np.all((numbers[missing > 0] >= len(LETTERS)) == is_new)
 
 
 def test_phase_is_a_circle() -> None:

@@ -65,6 +65,19 @@ def test_the_distribution_counts_every_escape():
     assert np.all(np.diff(edges) > 0)
 
 
+def test_brief_lifetimes_and_their_neighbours_are_counted():
+    """Cell by cell, with the four neighbours of each."""
+    dataset = lifetimes(Parameters(alpha=1.244), Plane(phases=30, velocities=24), cap=400,
+                        initial_conditions=64, hold=4000)
+    brief = (dataset['lifetime'].values < 100) & (dataset['label'].values >= 0)
+    seen = [brief[k + dk, m + dm] for k, m in np.argwhere(brief)
+            for dk, dm in ((0, 1), (0, -1), (1, 0), (-1, 0))
+            if 0 <= k + dk < 24 and 0 <= m + dm < 30]
+    assert dataset.attrs['brief'] == np.sum(brief) > 20
+    assert dataset.attrs['brief_neighbours'] == pytest.approx(np.mean(seen), rel=1e-12)
+    assert dataset.attrs['longest'] == dataset['lifetime'].values[dataset['label'] >= 0].max()
+
+
 def estimates(parameters, plane, cap, seeds, count):
     """Estimate escapes from random initial conditions, once for each seed."""
     table = find_attractors(parameters, plane.draw(parameters, 64, 1), hold=4000,
