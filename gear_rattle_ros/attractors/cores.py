@@ -2,8 +2,8 @@
 Core sets, by which jumps of a trajectory with noise from one attractor to another are counted.
 
 The core of an orbit is a ball round each of its points, from which without noise nearly all
-trajectories settle on the orbit; that of a chaotic attractor is its boxes. A trajectory belongs to the
-attractor whose core it has visited last: one that only crosses a boundary has not jumped yet.
+trajectories settle on the orbit; that of a chaotic attractor is its boxes. A trajectory belongs to
+the attractor whose core it has visited last: one that only crosses a boundary has not jumped yet.
 """
 
 from collections import Counter
@@ -42,7 +42,7 @@ class Jumps(NamedTuple):
     def describe(self, names: Mapping[int, str]) -> str:
         """Put the jumps in words, with standard errors; `names` are by label."""
         rows = [[name, f'{self.radius[label]:g}' if label in self.radius else 'boxes',
-                 f'{np.mean(self.last == label):.1%}', *(
+                 f'{np.sum(self.last == label) / max(len(self.last), 1):.1%}', *(
                      _counted(self.counts.get((label, to), 0)) if to != label and np.any(
                          self.last == label) else '-' for to in names)]
                 for label, name in names.items()]

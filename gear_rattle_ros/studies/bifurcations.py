@@ -204,7 +204,8 @@ class Search:
         for n, cell in self._seen(CHAOTIC):
             chaos.setdefault(n, []).append(cell)
         alphas = self._diagram.values
-        for n, cells in chaos.items():
+        # What is seen in most columns comes first: its end is not that of another, which joins it.
+        for n, cells in sorted(chaos.items(), key=lambda item: -len(item[1])):
             # What is not seen in a column may have ended before it.
             breaks = [0, *(i for i in range(1, len(cells)) if cells[i][0] > cells[i - 1][0] + 1),
                       len(cells)]
@@ -215,7 +216,7 @@ class Search:
 
     def _not_located(self) -> Iterator[Event]:
         # The ends of what could not be followed are known from the columns alone.
-        for n in range(int(self._numbers.max()) + 1):
+        for n in np.unique(self._numbers[self._numbers >= 0]).tolist():
             cells = np.argwhere(self._numbers == n).tolist()
             for (column, slot), beyond in ((cells[0], -1), (cells[-1], 1)):
                 if ((column, slot) not in self._followed

@@ -191,7 +191,7 @@ def describe(dataset: Arrays) -> str:
     return describe_attractors(dataset, beside=(
         f'{a["brief"] / escape.initial_conditions:.2%} live less than '
         f'{counted(BRIEF, "impact")}, and so do {a["brief_neighbours"]:.1%} of their neighbours; '
-        f'the longest that ends lives {a["longest"]:,}\n'
+        f'the longest that is seen to end is {a["longest"]:,}\n'
         f'{escape.describe()}'))
 
 

@@ -135,12 +135,13 @@ def _noisy(parameters: Parameters, drawn: RecordArray, noise: float, seed: int, 
     """Return the first impacts of a trajectory with noise, as the simulator makes them."""
     simulation = Simulation(parameters, State(0, *(float(drawn[name][0]) for name in (
         'phase', 'displacement', 'velocity'))), noise=noise, seed=seed)
-    parts = []
-    while simulation.impacts < most and not simulation.is_permanently_at_rest:
+    parts = [simulation.advance(0, simulation.moment[1], 1)]
+    # Nothing happens at rest for good, nor where a motion ends between the walls.
+    while simulation.impacts < most and len(parts[-1]):
         cycle, phase = simulation.moment
-        events = simulation.advance(cycle + EVENTS, phase, EVENTS)
-        parts.append(events[events['kind'] <= EventKind.STICK])
-    return np.concatenate(parts)[:most]
+        parts.append(simulation.advance(cycle + EVENTS, phase, EVENTS))
+    events = np.concatenate(parts)
+    return events[events['kind'] <= EventKind.STICK][:most]
 
 
 def _follow_noisy(store: Store, plane: Plane, impacts: EventArray) -> None:
@@ -155,8 +156,7 @@ def _follow_noisy(store: Store, plane: Plane, impacts: EventArray) -> None:
     write_attractors(store, catalogue)
     store.write_table({'impact_attractor': (('impact',), jumps.last, named(
         'label of the attractor whose core was visited last, -1 before the first'))})
-    names = {each.label: each.letter or each.key
-             for each in catalogue.attractors if each.label >= 0}
+    names = {a.label: a.letter or a.key for a in catalogue.attractors if a.label >= 0}
     periods = int(impacts['cycle'][-1] - impacts['cycle'][0]) if len(impacts) else 0
     store.set_attributes({
         'attractors': repr(catalogue), 'lifetime': -1, 'jumps': sum(jumps.counts.values()),
@@ -186,9 +186,8 @@ def _write(store: Store, counts: list[FloatArray], points: FloatArray,
 def describe(dataset: Arrays) -> str:
     """List the attractors that were reached, and of one trajectory its transient or jumps."""
     a = dataset.attrs
-    transient = (f'transient of {counted(a["lifetime"], "impact")}' if a['lifetime'] >= 0 else '')
-    return '\n'.join(filter(None, (
-        a['attractors'], transient, a.get('noisy', ''), a['comparison'])))
+    transient = f'transient of {counted(a["lifetime"], "impact")}' if a['lifetime'] >= 0 else ''
+    return '\n'.join(filter(None, (a['attractors'], transient, a.get('noisy'), a['comparison'])))
 
 
 def _layout(identity: dict[str, Any]) -> Layout:

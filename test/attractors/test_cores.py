@@ -12,7 +12,7 @@ from gear_rattle_ros.core.model import Parameters
 
 @pytest.fixture(scope='module')
 def known():
-    """The attractors B, label 0, and A, label 1, of the paper."""
+    """Find the attractors B, label 0, and A, label 1, of the paper."""
     return find_attractors(Parameters(alpha=0.48))
 
 

@@ -80,6 +80,16 @@ def test_what_cannot_be_compared_is_refused(other, named):
         compare_densities(Section(np.array([1, 1, 1, 1])), other)
 
 
+@pytest.mark.parametrize(('parameters', 'initial', 'impacts'), [
+    (Parameters(alpha=0.05), (0.0, 0.0, 0.0), 0),  # at rest for good
+    (Parameters(alpha=0.0, gamma=0.0), (0.0, 0.07, -0.6), 1)])  # it hits a wall once and stops
+def test_noise_needs_impacts(parameters, initial, impacts):
+    """Where there are none any more the trajectory ends."""
+    dataset = section(parameters, initial=initial, noise=1e-9, skip=0, keep=500)
+    assert dataset['impact_velocity'].size == impacts
+    assert set(dataset['impact_attractor'].values.tolist()) <= {-1}
+
+
 def test_noise_without_a_trajectory_is_refused(tmp_path, capsys):
     assert main(['--noise', '0.1', '--output', str(tmp_path / 'a.zarr')]) == 2
     assert capsys.readouterr().err == (
