@@ -211,11 +211,11 @@ def brief_cells(store: Store) -> tuple[int, float]:
     count, ends, both = 0, 0, 0
     for tile in range(len(store.tiles)):
         brief = (store.read(tile, 'lifetime') < BRIEF) & (store.read(tile, 'label') != UNSETTLED)
-        count += np.count_nonzero(brief)
+        count += int(np.sum(brief))
         for a, b in ((brief[1:], brief[:-1]), (brief[:, 1:], brief[:, :-1])):
-            ends += np.count_nonzero(a) + np.count_nonzero(b)
-            both += 2 * np.count_nonzero(a & b)
-    return int(count), float(both / max(ends, 1))
+            ends += int(np.sum(a) + np.sum(b))
+            both += 2 * int(np.sum(a & b))
+    return count, both / max(ends, 1)
 
 
 def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: int

@@ -3,11 +3,11 @@
 import numpy as np
 
 from gear_rattle_ros.attractors.finding import Catalogue, find_attractors
-from gear_rattle_ros.attractors.letters import LETTERS
 from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.tracks import track
 from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.orbits.letters import LETTERS
 from gear_rattle_ros.palette import colours_of, HUES, painted
 
 
