@@ -17,6 +17,7 @@ from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Model, Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
+from gear_rattle_ros.core.orbits.letters import LETTERS
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
 from gear_rattle_ros.store.store import open_dataset
 from gear_rattle_ros.studies.endings import find_end, returns, spread_out, watch
@@ -350,6 +351,15 @@ def test_chaos_ends_where_an_orbit_is_born_in_it(tmp_path):
 def test_ends_of_chaos_in_whole_windows(tmp_path, words, kind, exact, shown):
     ends = of_kind(events(tmp_path, words), kind)
     assert any(abs(alpha - exact) <= 2.0 * error <= 2.0 * shown for _, _, alpha, error, _ in ends)
+
+
+@pytest.mark.long
+def test_the_end_of_b_is_not_that_of_a_small_attractor_which_joins_it(tmp_path):
+    """At 0.564 there is one of 12 impacts in 6 periods; C and D are not in the window."""
+    found = events(tmp_path, '--alpha 0.563 0.574 --columns 12 --trajectories 256 --hold 10000 '
+                             '--tolerance 1e-5')
+    ends = {round(alpha, 4): number for number, _, alpha, _, _ in of_kind(found, 'crisis')}
+    assert ends[0.5723] == LETTERS.index('B')
 
 
 @pytest.mark.long
