@@ -88,7 +88,6 @@ def core_radius(catalogue: Catalogue, attractor: Attractor, orbit: Orbit) -> flo
 
 
 def _in_boxes(chaos: ChaoticSet, phases: FloatArray, velocities: FloatArray) -> IntArray:
-    # The impacts that hit boxes of a chaotic attractor.
     rows = (np.abs(velocities) * (BOXES / chaos.speed)).astype(np.int64)
     columns = np.minimum(phases * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)
     slow = np.flatnonzero(rows < BOXES)

@@ -29,8 +29,7 @@ TITLE: Final = 'Lifetimes of transients of the gear-rattling model'
 TAIL: Final = 0.1
 # Bins of the distribution, even in the logarithm.
 BINS: Final = 200
-# Lifetimes below this number of impacts are brief.
-BRIEF: Final = 100
+BRIEF: Final = 100  # impacts
 # Caps for which trajectories that many initial conditions share are followed.
 FAR: Final = 20
 

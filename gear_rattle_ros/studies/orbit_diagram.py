@@ -26,8 +26,7 @@ from ..core.words import counted, in_columns
 from ..store.store import Store
 
 NAME = 'orbit_diagram'
-# The share from which on an attractor has most of the trajectories.
-MOST: Final = 0.9
+MOST: Final = 0.9  # of the trajectories
 
 
 @Study

@@ -88,8 +88,7 @@ def section(parameters: Parameters, plane: Plane | None = None, *, trajectories:
         else:
             _follow(store, parameters, drawn, work)
         # Last, as nothing of this is computed again once both are done.
-        for kind in (SETTLED, WANDERING):
-            store.mark(kind)
+        store.mark([SETTLED, WANDERING])
     store.set_attributes({'comparison': '' if compare is None else compare_densities(
         store, open_dataset(compare))})
     return store
