@@ -6,7 +6,7 @@ Times are nanoseconds since the epoch, sizes and places in a file are bytes.
 
 from .bag_file import COMPRESSIONS
 from .clouds import CloudDecoder
-from .files import Message
+from .order import Message
 from .reader import Bag, read_bag
 from .topics import BagError, message_definition, Topic
 from .writer import BagWriter

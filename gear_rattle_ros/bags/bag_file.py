@@ -80,16 +80,19 @@ class BagFile:
 
     def add_topic(self, topic: Topic) -> int:
         """Announce a topic and return its channel; the same order gives the same channels."""
-        if topic.type_name not in self._schemas:
-            self._schemas[topic.type_name] = self._writer.register_schema(
+        schema = self._schemas.get(topic.type_name, 0)
+        if topic.type_name and not schema:
+            schema = self._writer.register_schema(
                 topic.type_name, topic.encoding, topic.definition.encode())
+            self._schemas[topic.type_name] = schema
         offered = metadata.dump([dict(qos) for qos in topic.offered_qos])
         described = {'offered_qos_profiles': offered, 'topic_type_hash': topic.type_hash}
-        schema = self._schemas[topic.type_name]
-        channel = self._writer.register_channel(topic.name, 'cdr', schema, described)
-        Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(
-            self._repeated)
-        Channel(channel, topic.name, 'cdr', described, schema).write(self._repeated)
+        channel = self._writer.register_channel(
+            topic.name, topic.serialization, schema, described)
+        if schema:
+            Schema(schema, topic.definition.encode(), topic.encoding, topic.type_name).write(
+                self._repeated)
+        Channel(channel, topic.name, topic.serialization, described, schema).write(self._repeated)
         self._names[channel] = topic.name
         self.written.announce(topic)
         self.settled.announce(topic)

@@ -7,10 +7,16 @@ from typing import Final
 import numpy as np
 
 from .cdr import Reader
+from .topics import Topic
 from ..core.model import EventArray
 from ..core.stream.event_points import decode_points, Field, view_points
 
 POINT_CLOUD: Final = 'sensor_msgs/msg/PointCloud2'
+
+
+def has_events(topic: Topic) -> bool:
+    """Return whether EVENT records are to be expected on a topic, by its name and type."""
+    return topic.type_name in (POINT_CLOUD, '') and topic.name.split('/')[-1] == 'impacts'
 
 
 @dataclasses.dataclass(frozen=True)

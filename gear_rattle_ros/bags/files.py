@@ -1,48 +1,60 @@
-"""One .mcap file of a bag: what is in it, and its messages in order."""
+"""One .mcap file of a bag: where its records are, and what is in them."""
 
-from collections.abc import Collection, Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 import contextlib
 import dataclasses
-import heapq
+import io
 import os
 from pathlib import Path
+import shutil
 import struct
-from typing import Any, Final, IO
+import tempfile
+from typing import Any, Final, IO, NamedTuple
 import zlib
 
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import SeekingReader
-import mcap.records
-from mcap.records import Channel, Chunk, McapRecord, Schema
-from mcap.stream_reader import breakup_chunk, StreamReader
+import lz4.frame
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 import zstandard
 
-from .topics import BagError, Contents, Topic
+from . import metadata
+from .topics import BagError, Topic
 from ..plain_yaml import read_yaml
 
-# In a file without an index, messages are sorted that are out of order by no more than this [ns].
-_WINDOW: Final = 2_000_000_000
-BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struct.error,
+BROKEN: Final = (McapError, zstandard.ZstdError, zlib.error, RuntimeError, struct.error, EOFError,
                  KeyError, UnicodeDecodeError, ValueError, OverflowError, MemoryError)
-
-
-@dataclasses.dataclass(frozen=True)
-class Message:
-    """A message as it was recorded; `data` is its serialized form."""
-
-    topic: str
-    type_name: str
-    data: bytes
-    log_time: int
-    publish_time: int
-    sequence: int
+# Opcode and length in front of a record, and what every chunk and every message begins with.
+_HEAD: Final = struct.Struct('<BQ')
+_CHUNK: Final = struct.Struct('<QQQII')
+_MESSAGE: Final = struct.Struct('<HIQQ')
+# All of that, and the name of a compression, is in so many bytes.
+_VIEW: Final = 64
+# Messages outside of chunks are read together up to this length.
+_STRETCH: Final = 2**20
+_ZSTD: Final = zstandard.FRAME_HEADER
+_READ: Final[Mapping[int, Any]] = {
+    Opcode.SCHEMA: Schema.read, Opcode.CHANNEL: Channel.read, Opcode.METADATA: Metadata.read,
+    Opcode.STATISTICS: Statistics.read, Opcode.CHUNK_INDEX: ChunkIndex.read}
 
 
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[IO[bytes]]:
+def opened(path: Path, *, is_damage_expected: bool = False) -> Iterator[IO[bytes]]:
+    """Open a file, or what is in it if rosbag2 has compressed it whole."""
     try:
-        with path.open('rb') as stream:
+        with contextlib.ExitStack() as stack:
+            stream: IO[bytes] = stack.enter_context(path.open('rb'))
+            if stream.read(len(_ZSTD)) == _ZSTD:
+                stream.seek(0)
+                packed = zstandard.ZstdDecompressor().stream_reader(
+                    stream, read_across_frames=True)
+                stream = stack.enter_context(tempfile.TemporaryFile())
+                with contextlib.suppress(*([zstandard.ZstdError] if is_damage_expected else [])):
+                    shutil.copyfileobj(packed, stream)
+            stream.seek(0)
             yield stream
     except BagError:
         raise
@@ -53,40 +65,235 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
         raise BagError(f'{path}: is damaged or no MCAP file: {what}') from None
 
 
-def read_summary(stream: IO[bytes]) -> Contents | None:
-    """Return the contents from the index, or None where there is none."""
-    reader = SeekingReader(stream)
-    stream.seek(-min(len(MCAP0_MAGIC), stream.seek(0, os.SEEK_END)), os.SEEK_END)
-    if stream.read() != MCAP0_MAGIC:
-        return None
-    summary = reader.get_summary()
-    if summary is None or summary.statistics is None or not (
-            summary.chunk_indexes or not summary.statistics.message_count):
-        return None
-    statistics = summary.statistics
-    contents = Contents(
-        start=statistics.message_start_time, end=statistics.message_end_time, is_indexed=True)
-    for number, channel in summary.channels.items():
-        contents.announce(describe_topic(channel, summary.schemas[channel.schema_id]))
-        contents.counts[channel.topic] += statistics.channel_message_counts.get(number, 0)
-    return contents
+@dataclasses.dataclass
+class Part:
+    """A chunk, or a stretch with messages outside of chunks, and the range of its log times."""
+
+    place: int
+    end: int
+    first: int
+    last: int
+    is_chunk: bool
 
 
-def scan(stream: IO[bytes]) -> Contents:
-    contents = Contents()
-    for schema, channel, message in _described(stream):
-        if message is None:
-            contents.announce(describe_topic(channel, schema))
+class Record(NamedTuple):
+    """A message as it is in the file."""
+
+    channel: int
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+class Scan:
+    """What is in an .mcap file, found by going from record to record, without an index."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.parts: list[Part] = []
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.ambiguous: set[int] = set()  # channels that are described in two ways
+        self.statistics: Statistics | None = None
+        self.indexed: dict[int, int] = {}  # the length of each chunk in the index, by its place
+        self.place = len(MCAP0_MAGIC)  # up to where the file was gone through
+        self.is_closed = False  # whether its end was found there
+        self.information: Any = None  # what rosbag2 keeps of its metadata.yaml in the file
+        self._topics: dict[int, Topic] = {}
+
+    @property
+    def is_described(self) -> bool:
+        """Whether its statistics and topics are known before any message is read."""
+        stated = self.statistics
+        return (self.is_closed and stated is not None
+                and sum(stated.channel_message_counts.values()) == stated.message_count
+                and all(channel in self.channels for channel in stated.channel_message_counts)
+                and all(channel.schema_id in {0, *self.schemas}
+                        for channel in self.channels.values())
+                and all(part.is_chunk for part in self.parts))
+
+    def walk(self, stream: IO[bytes]) -> None:
+        """Go on to the end, or to a cut; ValueError where no record can be."""
+        size = stream.seek(0, os.SEEK_END)
+        while not self.is_closed:
+            stream.seek(self.place)
+            view = stream.read(_VIEW)
+            if len(view) < _HEAD.size or not any(view):
+                # Zeros are what a file system leaves that went down.
+                return
+            opcode, length = _HEAD.unpack_from(view)
+            end = self.place + _HEAD.size + length
+            if end > size:
+                return
+            if opcode == Opcode.CHUNK:
+                self.parts.append(chunk_at(self.place, view))
+            elif opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
+                self._add_message(self.place, end, Record(
+                    *_MESSAGE.unpack_from(view, _HEAD.size), b'').log_time)
+            elif opcode in _READ:
+                stream.seek(self.place + _HEAD.size)
+                self.take(opcode, stream.read(length))
+            elif opcode in (0, Opcode.MESSAGE):
+                raise ValueError(f'there is no record at byte {self.place}')
+            elif opcode == Opcode.FOOTER:
+                stream.seek(end)
+                self.is_closed = stream.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
+                if not self.is_closed:
+                    return
+                end += len(MCAP0_MAGIC)
+            self.place = end
+
+    def take(self, opcode: int, content: bytes) -> None:
+        """Take one of the records that describe others."""
+        record = _READ[opcode](ReadDataStream(io.BytesIO(content)))
+        if opcode == Opcode.STATISTICS:
+            self.statistics = record
+        elif opcode == Opcode.CHUNK_INDEX:
+            self.indexed[record.chunk_start_offset] = record.chunk_length
+        elif opcode == Opcode.METADATA:
+            if record.name == 'rosbag2':
+                with contextlib.suppress(ValueError):
+                    self.information = read_yaml(record.metadata.get('serialized_metadata', ''))
+        elif record.id or opcode == Opcode.CHANNEL:
+            known: dict[int, Any] = self.schemas if opcode == Opcode.SCHEMA else self.channels
+            first = known.setdefault(record.id, record)
+            if opcode == Opcode.CHANNEL and (first.topic, first.schema_id) != (
+                    record.topic, record.schema_id):
+                self.ambiguous.add(record.id)
+                self._topics.pop(record.id, None)
+
+    def read(self, stream: IO[bytes], part: Part) -> Iterator[Record]:
+        """Yield the messages of a part; what it describes besides is kept."""
+        stream.seek(part.place)
+        data = stream.read(part.end - part.place)
+        if part.is_chunk:
+            data = _unpacked(part.place, data[_HEAD.size:])
+        place = 0
+        while place < len(data):
+            opcode, length = _HEAD.unpack_from(data, place)
+            start = place + _HEAD.size
+            place = start + length
+            if not opcode or place > len(data) or (
+                    opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+                raise ValueError(f'a record is cut off in the chunk at byte {part.place}')
+            if opcode == Opcode.MESSAGE:
+                yield Record(*_MESSAGE.unpack_from(data, start), data[start + _MESSAGE.size:place])
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self.take(opcode, data[start:place])
+
+    def topic(self, number: int) -> Topic:
+        """Return the topic of a channel; BagError if it is not described."""
+        if number not in self._topics:
+            channel = self.channels.get(number)
+            if channel is None or number in self.ambiguous or (
+                    channel.schema_id not in {0, *self.schemas}):
+                raise BagError(f'{self.path}: channel {number} is not described, or in two ways; '
+                               'see what recover finds')
+            self._topics[number] = _describe(channel, self.schemas.get(channel.schema_id))
+        return self._topics[number]
+
+    def compare(self, found: Counter[int]) -> None:
+        """Hold the messages that were found on each channel against the statistics."""
+        stated = self.statistics
+        if stated is None:
+            return
+        if found.total() != stated.message_count:
+            raise BagError(f'{self.path}: states {stated.message_count} messages, but has '
+                           f'{found.total()}; see what recover finds')
+        for number, count in stated.channel_message_counts.items():
+            if found[number] != count:
+                name = self.channels[number].topic if number in self.channels else number
+                raise BagError(f'{self.path}: states {count} messages on {name}, but has '
+                               f'{found[number]}; see what recover finds')
+
+    def _add_message(self, place: int, end: int, time: int) -> None:
+        last = self.parts[-1] if self.parts else None
+        if last is None or last.is_chunk or end - last.place > _STRETCH:
+            self.parts.append(Part(place, end, time, time, False))
         else:
-            contents.count(channel.topic, message.log_time)
-    return contents
+            last.end, last.first, last.last = end, min(last.first, time), max(last.last, time)
 
 
-def describe_topic(channel: Channel, schema: Schema) -> Topic:
+def scan(path: Path) -> Scan:
+    """Go through a file; BagError if it is damaged, or if it lacks what its index has."""
+    found = Scan(path)
+    with opened(path) as stream:
+        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise ValueError('it does not begin as one')
+        found.walk(stream)
+        size = stream.seek(0, os.SEEK_END)
+        if size == len(MCAP0_MAGIC):
+            raise BagError(f'{path}: has only the {size} bytes that each MCAP file begins with; '
+                           'nothing was recorded in it')
+        stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
+        if found.is_closed and found.place < size:
+            raise BagError(f'{path}: has {size - found.place} bytes after its end at byte '
+                           f'{found.place}; recover copies what is before it')
+        if not found.is_closed and stream.read() == MCAP0_MAGIC:
+            raise ValueError(f'the record at byte {found.place} goes beyond the end')
+    metadata.require_readable(path, found.information)
+    chunks = {part.place: part.end - part.place for part in found.parts if part.is_chunk}
+    missing = found.indexed.items() - chunks.items()
+    stated = len(found.indexed) if missing else (
+        len(chunks) if found.statistics is None else found.statistics.chunk_count)
+    if missing or stated != len(chunks):
+        raise BagError(f'{path}: states {stated} chunks, but has {len(chunks)}'
+                       + (f', and not those at {sorted(place for place, _ in missing)[:3]}'
+                          if missing else '') + '; see what recover finds')
+    return found
+
+
+def chunk_at(place: int, view: bytes) -> Part:
+    """Return the chunk that begins with some bytes; ValueError if they do not make sense."""
+    _, length = _HEAD.unpack_from(view)
+    first, last, _, _, letters = _CHUNK.unpack_from(view, _HEAD.size)
+    head = _CHUNK.size + letters + 8
+    if _HEAD.size + head > len(view) or head + int.from_bytes(
+            view[_HEAD.size + head - 8:_HEAD.size + head], 'little') > length:
+        raise ValueError(f'there is no chunk at byte {place}')
+    return Part(place, place + _HEAD.size + length, first, last, True)
+
+
+def _unpacked(place: int, content: bytes) -> bytes:
+    """Return the records in a chunk, held against the size and the checksum that it states."""
+    _, _, size, checksum, letters = _CHUNK.unpack_from(content)
+    start = _CHUNK.size + letters
+    compression = content[_CHUNK.size:start]
+    packed = content[start + 8:start + 8 + int.from_bytes(content[start:start + 8], 'little')]
+    # One byte more than is stated, but no bomb; frames may follow each other.
+    if compression == b'zstd':
+        data = zstandard.ZstdDecompressor().stream_reader(
+            packed, read_across_frames=True).read(size + 1)
+    elif compression == b'lz4':
+        data = lz4.frame.open(io.BytesIO(packed)).read(size + 1)
+    elif not compression:
+        data = packed
+    else:
+        raise ValueError(f'the chunk at byte {place} is compressed with {compression!r}, not with '
+                         'zstd or lz4')
+    if len(data) != size:
+        raise ValueError(f'the chunk at byte {place} states {size} bytes, but has '
+                         f'{"more" if len(data) > size else len(data)}')
+    if checksum and zlib.crc32(data) != checksum:
+        raise ValueError(f'the checksum of the chunk at byte {place} is wrong')
+    return data
+
+
+def decompressed(topic: Topic, data: bytes) -> bytes:
+    """Return a message that rosbag2 may have compressed by itself, which no CDR looks like."""
+    if topic.serialization == 'cdr' and data[:len(_ZSTD)] == _ZSTD:
+        return zstandard.ZstdDecompressor().decompress(data)
+    return data
+
+
+def _describe(channel: Channel, schema: Schema | None) -> Topic:
     return Topic(
-        channel.topic, schema.name, schema.data.decode('utf-8', 'replace'),
+        channel.topic, schema.name if schema else '',
+        schema.data.decode('utf-8', 'replace') if schema else '',
         channel.metadata.get('topic_type_hash', ''),
-        _parse_qos(channel.metadata.get('offered_qos_profiles', '')), schema.encoding)
+        _parse_qos(channel.metadata.get('offered_qos_profiles', '')),
+        schema.encoding if schema else '', channel.message_encoding)
 
 
 def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
@@ -94,63 +301,3 @@ def _parse_qos(text: str) -> tuple[dict[str, Any], ...]:
         if isinstance(profiles := read_yaml(text), list):
             return tuple(profile for profile in profiles if isinstance(profile, dict))
     return ()
-
-
-def read_indexed(stream: IO[bytes], topics: Collection[str] | None, start: int,
-                 end: int) -> Iterator[Message]:
-    for schema, channel, message in SeekingReader(stream, validate_crcs=True).iter_messages(
-            None if topics is None else list(topics), starting_at=start, ending_before=end + 1):
-        yield _message(channel, '' if schema is None else schema.name, message)
-
-
-def read_through(stream: IO[bytes], topics: Collection[str] | None, start: int,
-                 end: int) -> Iterator[Message]:
-    waiting: list[tuple[int, int, Message]] = []
-    for number, (schema, channel, message) in enumerate(_described(stream)):
-        if message is None or not start <= message.log_time <= end or (
-                topics is not None and channel.topic not in topics):
-            continue
-        heapq.heappush(
-            waiting, (message.log_time, number, _message(channel, schema.name, message)))
-        while waiting[0][0] < message.log_time - _WINDOW:
-            yield heapq.heappop(waiting)[2]
-    while waiting:
-        yield heapq.heappop(waiting)[2]
-
-
-def _described(stream: IO[bytes]) -> Iterator[tuple[Schema, Channel, mcap.records.Message | None]]:
-    """Yield every message with its topic, and every topic when it is announced."""
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    for record in _records(stream):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-            yield schemas[record.schema_id], record, None
-        elif isinstance(record, mcap.records.Message):
-            channel = channels[record.channel_id]
-            yield schemas[channel.schema_id], channel, record
-
-
-def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
-    """Yield the records of a file up to where it was cut off."""
-    stream.seek(0)
-    records = StreamReader(stream, emit_chunks=True).records
-    while True:
-        try:
-            record = next(records, None)
-        except (EndOfFile, struct.error):
-            # A cut within the few bytes of a record's head is the latter.
-            if stream.read(1):
-                raise
-            return
-        if record is None:
-            return
-        yield from breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [
-            record]
-
-
-def _message(channel: Channel, type_name: str, message: mcap.records.Message) -> Message:
-    return Message(channel.topic, type_name, message.data, message.log_time,
-                   message.publish_time, message.sequence)

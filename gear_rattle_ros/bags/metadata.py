@@ -31,7 +31,7 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
         'message_count': sum(counts.values()),
         'topics_with_message_count': [{
             'topic_metadata': {
-                'name': topic.name, 'type': topic.type_name, 'serialization_format': 'cdr',
+                'name': topic.name, 'type': topic.type_name, 'serialization_format': topic.serialization,
                 'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
                 'type_description_hash': topic.type_hash,
             },
@@ -65,23 +65,51 @@ def write(directory: Path, information: dict[str, Any]) -> None:
     new.replace(directory / NAME)
 
 
+def require_readable(path: Path, information: Any) -> None:
+    """Raise BagError if rosbag2 compressed what was recorded otherwise than is read here."""
+    if isinstance(information, dict):
+        form, mode = (str(information.get(f'compression_{key}') or '')[:80]
+                      for key in ('format', 'mode'))
+        if mode.upper() not in ('', 'NONE') and form != 'zstd':
+            raise BagError(f'{path}: its compression_mode is {mode} with {form or "no format"}, '
+                           'and only zstd is read; convert the bag with ros2 bag convert')
+
+
+def read_information(directory: Path) -> Any:
+    """Return what metadata.yaml holds; None if there is none, BagError if it is no metadata."""
+    path = directory / NAME
+    try:
+        return read_yaml(path.read_text('utf-8'))['rosbag2_bagfile_information']
+    except FileNotFoundError:
+        return None
+    except (ValueError, LookupError, TypeError):
+        raise BagError(f'{path}: is not the metadata of a bag') from None
+
+
 def file_names(directory: Path) -> list[str]:
     """Return the files of a bag in order; where metadata.yaml is missing, all .mcap files."""
     path = directory / NAME
+    information = read_information(directory)
+    if information is None:
+        return glob(directory)
     try:
-        information = read_yaml(path.read_text('utf-8'))['rosbag2_bagfile_information']
         storage = information['storage_identifier']
-        names = information['relative_file_paths'] if storage == 'mcap' else []
-    except FileNotFoundError:
-        names = [entry.name for entry in directory.glob('*.mcap')]
-        return sorted(names, key=lambda name: (len(name), name))
-    except (ValueError, LookupError, TypeError):
+        names = information['relative_file_paths'] if storage in ('mcap', '', None) else []
+    except (LookupError, TypeError):
         raise BagError(f'{path}: is not the metadata of a bag') from None
-    if storage != 'mcap':
+    if storage not in ('mcap', '', None):
         # A few lines of YAML can make a value that fills the memory when it is printed.
         named = repr(storage) if isinstance(storage, str) else type(storage).__name__
         raise BagError(f'{path}: storage is {named[:80]}, not mcap')
     if not isinstance(names, list) or not all(
             isinstance(name, str) and name == Path(name).name for name in names):
         raise BagError(f'{path}: relative_file_paths are not all names of files beside it')
+    require_readable(path, information)
     return names
+
+
+def glob(directory: Path) -> list[str]:
+    """Return the .mcap files in a directory, and those compressed whole; each recording once."""
+    names = {entry.name.removesuffix('.zstd'): entry.name
+             for pattern in ('*.mcap.zstd', '*.mcap') for entry in directory.glob(pattern)}
+    return sorted(names.values(), key=lambda name: (len(name), name))

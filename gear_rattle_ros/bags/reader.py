@@ -1,19 +1,25 @@
 """Reading a bag, also one that was cut off or has no index."""
 
-from collections.abc import Collection, Iterator
-import heapq
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+import itertools
 from pathlib import Path
+from typing import Final
 import warnings
 
 import numpy as np
 
-from .clouds import CloudDecoder, POINT_CLOUD
-from .files import Message, opened, read_indexed, read_summary, read_through, scan
+from .clouds import CloudDecoder, has_events
+from .files import decompressed, opened, Part, Scan, scan
 from .metadata import file_names
-from .topics import BagError, Contents, Topic
+from .order import LATE, Message, NO_TIME, Order
+from .topics import BagError, Topic
 from ..core.model import EVENT, EventArray
 from ..core.stream.guard import StreamGuard
 from ..core.words import counted
+
+# Later than any message [ns].
+_EVER: Final = 2**65
 
 
 class Bag:
@@ -29,47 +35,77 @@ class Bag:
         self.counts: dict[str, int] = {}  #: Messages on each topic.
         #: Whether all files were closed properly; if not, their complete chunks are read.
         self.is_whole = True
-        self._files: list[tuple[Path, Contents]] = []
-        for file in find_files(self.path):
-            with opened(file) as stream:
-                contents = read_summary(stream) or scan(stream)
-            self._files.append((file, contents))
-            self.is_whole &= contents.is_indexed
-            for name, topic in contents.topics.items():
-                known = self.topics.setdefault(name, topic)
+        self._files = [scan(file) for file in find_files(self.path)]
+        #: The most by which log times on a topic were seen to go back [ns].
+        self.set_back = 0
+        parts = [part for file in self._files for part in file.parts]
+        self._is_steady = _are_steady(parts)
+        self._survey(parts)
+
+    def _survey(self, parts: Sequence[Part]) -> None:
+        """Learn the topics, counts and times; files that do not state them are read."""
+        unknown = [file for file in self._files if not (self._is_steady and file.is_described)]
+        counts: Counter[str] = Counter()
+        start, end = 2**64, 0
+        for message in self._read(unknown, None, 0, _EVER):
+            counts[message.topic] += 1
+            start, end = min(start, message.time), max(end, message.time)
+        for part in parts if self._is_steady else []:
+            start, end = min(start, part.first), max(end, part.last)
+        for file in self._files:
+            self.is_whole &= file.is_closed
+            if file not in unknown and file.statistics is not None:
+                for number, count in file.statistics.channel_message_counts.items():
+                    counts[file.topic(number).name] += count
+            for topic in map(file.topic, file.channels):
+                known = self.topics.setdefault(topic.name, topic)
                 if known.type_name != topic.type_name:
-                    raise BagError(f'{file}: topic {name} is of two types, '
+                    raise BagError(f'{file.path}: topic {topic.name} is of two types, '
                                    f'{known.type_name} and {topic.type_name}')
-                self.counts[name] = self.counts.get(name, 0) + contents.counts[name]
-        filled = [contents for _, contents in self._files if contents.total]
-        #: Log time of the first message [ns]; 0 if there is none.
-        self.start = min((contents.start for contents in filled), default=0)
-        #: Log time of the last message [ns]; 0 if there is none.
-        self.end = max((contents.end for contents in filled), default=0)
+        self.counts = {name: counts[name] for name in self.topics}
+        #: Time of the first message [ns]; 0 if there is none.
+        self.start = min(start, end)
+        #: Time of the last message [ns]; 0 if there is none.
+        self.end = end
 
     def messages(self, topics: Collection[str] | None = None, start: int = 0,
-                 end: int = 2**63 - 1) -> Iterator[Message]:
+                 end: int = _EVER) -> Iterator[Message]:
         """
-        Yield the messages of some topics, or of all, in the order of their log time.
+        Yield the messages of some topics, or of all, in order: those of a topic as recorded.
 
-        `start` and `end` limit the log time [ns] and are both included.
+        `start` and `end` limit their time [ns] and are both included.
         """
-        # Where one file ends and the next begins, topics may overlap.
-        waiting = sorted(self._files, key=lambda each: each[1].start, reverse=True)
-        heads: list[tuple[int, int, Message, Iterator[Message]]] = []
+        return self._read(self._files, topics, start, end)
 
-        def push(number: int, source: Iterator[Message]) -> None:
-            head = next(source, None)
-            if head is not None:
-                heapq.heappush(heads, (head.log_time, number, head, source))
-
-        while waiting or heads:
-            while waiting and (not heads or waiting[-1][1].start <= heads[0][0]):
-                push(-len(waiting), _messages_of(*waiting.pop(), topics, start, end))
-            if heads:
-                _, number, message, source = heapq.heappop(heads)
-                yield message
-                push(number, source)
+    def _read(self, files: Sequence[Scan], topics: Collection[str] | None, start: int,
+              end: int) -> Iterator[Message]:
+        parts = [part for file in files for part in file.parts]
+        firsts = [part.first for part in parts]
+        # The earliest log time of all that comes after a part.
+        later = [*itertools.accumulate(reversed(firsts), min, initial=2**64)][-2::-1]
+        order = Order(next((first for first in firsts if 0 < first < NO_TIME), 0))
+        coming = iter(later)
+        for file in files:
+            found: Counter[int] = Counter()
+            is_all = True
+            with opened(file.path) as stream:
+                for part, earliest in zip(file.parts, coming):
+                    if self._is_steady and not (start <= part.last and part.first <= end):
+                        is_all = False
+                        continue
+                    for record in file.read(stream, part):
+                        found[record.channel] += 1
+                        topic = file.topic(record.channel)
+                        time, rank = order.time(topic.name, record.sequence, record.log_time)
+                        if start <= time <= end and (topics is None or topic.name in topics):
+                            order.hold(Message(
+                                topic.name, topic.type_name, decompressed(topic, record.data),
+                                record.log_time, record.publish_time, record.sequence, time), rank)
+                    self.set_back = max(self.set_back, order.set_back)
+                    yield from order.due(earliest)
+            if is_all:
+                file.compare(found)
+        yield from order.due(_EVER)
 
     def events(self, topic: str = '') -> Iterator[EventArray]:
         """
@@ -93,8 +129,7 @@ class Bag:
             if topic not in self.topics:
                 raise BagError(f'{self.path}: has no topic {topic}; there are {names}')
             return topic
-        found = [name for name, known in self.topics.items()
-                 if known.type_name == POINT_CLOUD and name.split('/')[-1] == 'impacts']
+        found = [name for name, known in self.topics.items() if has_events(known)]
         if len(found) != 1:
             raise BagError(
                 f'{self.path}: has {len(found)} topics named impacts; name one of {names}')
@@ -145,11 +180,16 @@ def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
     return np.concatenate(batches)
 
 
-def _messages_of(file: Path, contents: Contents, topics: Collection[str] | None, start: int,
-                 end: int) -> Iterator[Message]:
-    with opened(file) as stream:
-        read = read_indexed if contents.is_indexed else read_through
-        yield from read(stream, topics, start, end)
+def _are_steady(parts: Sequence[Part]) -> bool:
+    """Return whether log times go forward from part to part, as far as can be seen outside."""
+    newest = 0
+    for part in parts:
+        # A jump inside of the only part is not seen otherwise.
+        if not 0 < part.first <= part.last < NO_TIME or part.first < newest - LATE or (
+                len(parts) == 1 and part.first < part.last - LATE):
+            return False
+        newest = max(newest, part.last)
+    return True
 
 
 def find_files(path: Path) -> list[Path]:

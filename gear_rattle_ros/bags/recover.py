@@ -6,7 +6,8 @@ import dataclasses
 from pathlib import Path
 
 from . import BagError, BagWriter, CloudDecoder
-from .clouds import POINT_CLOUD
+from .clouds import has_events
+from .metadata import glob, NAME, read_information, require_readable
 from .reader import find_files
 from .salvage import Damage, Salvage
 from ..core.model import EventArray
@@ -37,13 +38,15 @@ class Recovery:
     The `messages` in the new bag, and the events of each topic; its text is a report.
 
     `nameless` messages, of topics that are not described anywhere, are left out; `damages` are
-    stretches from which nothing could be read; `unclosed` files were cut off.
+    stretches from which nothing could be read; `unclosed` files were cut off; `stated` has the
+    files that state another number of messages, with that and the number that was read.
     """
 
     messages: int
     nameless: int
     damages: tuple[tuple[Path, Damage], ...]
     unclosed: tuple[Path, ...]
+    stated: tuple[tuple[Path, int, int], ...]
     accounts: dict[str, Accounts]
 
     def __str__(self) -> str:
@@ -51,6 +54,8 @@ class Recovery:
         lines += [f'{path}: {counted(damage.end - damage.start, "byte")} from {damage.start} on '
                   'unreadable' for path, damage in self.damages]
         lines += [f'{path}: was not closed properly' for path in self.unclosed]
+        lines += [f'{path}: states {counted(stated, "message")}, but has {found:,} that can be read'
+                  for path, stated, found in self.stated]
         if self.nameless:
             lines.append(f'{counted(self.nameless, "message")} of unknown topics left out')
         for name, accounts in self.accounts.items():
@@ -78,6 +83,8 @@ def recover(path: str | Path, output: str | Path) -> Recovery:
         raise BagError(f'{output}: lies in the bag to be recovered, choose another name')
     # Every file is read before anything is written.
     parts = [(file, Salvage(file)) for file in _find(path)]
+    for file, part in parts:
+        require_readable(file, part.information)
     if not any(True for _, part in parts for _ in part.messages()):
         raise BagError(f'{path}: nothing in it can be recovered')
     writer = BagWriter(output)
@@ -90,7 +97,9 @@ def recover(path: str | Path, output: str | Path) -> Recovery:
     return Recovery(
         writer.messages, sum(part.nameless for _, part in parts),
         tuple((file, damage) for file, part in parts for damage in part.damages),
-        tuple(file for file, part in parts if not part.is_closed), accounts)
+        tuple(file for file, part in parts if not part.is_closed),
+        tuple((file, part.statistics.message_count, part.found) for file, part in parts
+              if part.statistics and part.statistics.message_count != part.found), accounts)
 
 
 def _copy(parts: Iterable[Salvage], writer: BagWriter) -> dict[str, Accounts]:
@@ -104,7 +113,7 @@ def _copy(parts: Iterable[Salvage], writer: BagWriter) -> dict[str, Accounts]:
                 channels[key] = writer.add_topic(topic)
             writer.write(channels[key], message.log_time, message.publish_time,
                          message.sequence, message.data)
-            if topic.type_name == POINT_CLOUD and topic.name.split('/')[-1] == 'impacts':
+            if has_events(topic):
                 account = accounts.setdefault(topic.name, Accounts())
                 # A message without EVENT is copied as it is, and not counted.
                 with contextlib.suppress(ValueError):
@@ -115,10 +124,14 @@ def _copy(parts: Iterable[Salvage], writer: BagWriter) -> dict[str, Accounts]:
 def _find(path: Path) -> list[Path]:
     if not path.is_dir():
         return find_files(path)
-    files = sorted(path.glob('*.mcap'), key=lambda file: (len(file.name), file.name))
+    files = [path / name for name in glob(path)]
     if not files:
         raise BagError(f'{path}: has no .mcap file')
     listed: list[Path] = []
+    information = None
+    with contextlib.suppress(BagError, OSError):
+        information = read_information(path)
+    require_readable(path / NAME, information)
     # Files that metadata.yaml does not name, or names wrongly, belong to the bag all the same.
     with contextlib.suppress(BagError, OSError):
         listed = [file for file in find_files(path) if file in files]

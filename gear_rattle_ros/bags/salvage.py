@@ -3,31 +3,24 @@
 from collections.abc import Iterator
 import contextlib
 import dataclasses
-from io import BytesIO
 import mmap
+import os
 from pathlib import Path
-import struct
-from typing import Any, Final
+import re
+from typing import Final, IO
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-import mcap.records
-from mcap.records import Channel, Chunk, Footer, McapRecord, Schema
-from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
-from .files import BROKEN, describe_topic
+from .files import BROKEN, chunk_at, decompressed, opened, Part, Record, Scan
 from .topics import BagError, Topic
 
-# Opcode and length in front of a record.
-_HEAD: Final = 9
-# Least length of a message.
-_MESSAGE: Final = 22
+# The head of a chunk: its length, times, size and checksum, and then a compression that is known.
+_CHUNK: Final = re.compile(rb'\x06(?=.{36}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4}))', re.DOTALL)
+_HEAD: Final = 64
 # A chunk that claims to hold more than this is taken for noise.
 _LARGEST_CHUNK: Final = 2**30
-_COMPRESSIONS: Final = (b'zstd', b'lz4', b'')
 # Length of a footer and of the magic after it.
-_FOOTER: Final = _HEAD + 20 + len(MCAP0_MAGIC)
+_FOOTER: Final = 29 + len(MCAP0_MAGIC)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,134 +31,96 @@ class Damage:
     end: int
 
 
-class Salvage:
+class Salvage(Scan):
     """What is left of an .mcap file, which is only read; BagError if it cannot be read at all."""
 
-    # Its chunks are found by their own heads and proved by their checksums, so neither the index
-    # nor the records in between are needed.
     def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self.damages: list[Damage] = []  # where nothing could be read, in order
-        self.is_closed = False  # whether the file has its end
         self.nameless = 0  # messages read whose topic is described nowhere in the file
-        # Messages outside of chunks have no checksum: they count in a file without chunks only.
-        self._chunks: list[int] = []
-        self._loose: list[int] = []
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        try:
-            with path.open('rb') as stream:
-                size = stream.seek(0, 2)
-                self._data: bytes | mmap.mmap = mmap.mmap(
-                    stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b''
-        except OSError as error:
-            raise BagError(f'{path}: cannot be read: {error.strerror}') from None
-        self._walk()
+        self.found = 0  # all messages read
+        with opened(path, is_damage_expected=True) as stream:
+            self._go_through(stream)
 
-    def messages(self) -> Iterator[tuple[Topic, mcap.records.Message]]:
+    def messages(self) -> Iterator[tuple[Topic, Record]]:
         """Yield the messages that are left, in the order of the file."""
-        self.nameless = 0
-        topics = {number: describe_topic(channel, self._schemas[channel.schema_id])
-                  for number, channel in self._channels.items()
-                  if channel.schema_id in self._schemas}
-        for place in self._chunks or self._loose:
-            for record in self._read(place):
-                if isinstance(record, mcap.records.Message):
-                    if topic := topics.get(record.channel_id):
-                        yield topic, record
-                    else:
+        self.nameless = self.found = 0
+        with opened(self.path, is_damage_expected=True) as stream:
+            for part in self.parts:
+                for record in self.read(stream, part):
+                    self.found += 1
+                    try:
+                        topic = self.topic(record.channel)
+                    except BagError:
                         self.nameless += 1
+                        continue
+                    with contextlib.suppress(*BROKEN):
+                        yield topic, record._replace(data=decompressed(topic, record.data))
 
-    def _walk(self) -> None:
-        data = self._data
-        place = len(MCAP0_MAGIC) if data[:len(MCAP0_MAGIC)] == MCAP0_MAGIC else 0
-        while place < len(data):
-            end = self._end(place)
-            if end is not None and data[place] == Opcode.FOOTER:
-                self.is_closed = True
-                return
-            if end is None or not self._take(place, end):
-                end = self._next_chunk(place + 1)
-                self.damages.append(Damage(place, end or len(data)))
-                if end is None:
-                    self._read_summary()
-                    return
-            place = end
+    def _go_through(self, stream: IO[bytes]) -> None:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(0)
+        self.place = len(MCAP0_MAGIC) if stream.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC else 0
+        while True:
+            with contextlib.suppress(*BROKEN):
+                self.walk(stream)
+            if self.place >= size or self.is_closed:
+                break
+            start, self.place = self.place, self._next_chunk(stream, self.place + 1, size)
+            self.damages.append(Damage(start, self.place))
+        if self.is_closed and self.place < size:
+            self.damages.append(Damage(self.place, size))
+        if not self.is_closed:
+            self._read_summary(stream, size)
+        self._prove(stream)
 
-    def _end(self, place: int) -> int | None:
-        """Return where a record ends; None if its head or its end is not in the file."""
-        if place + _HEAD > len(self._data):
-            return None
-        length, = struct.unpack_from('<Q', self._data, place + 1)
-        end = place + _HEAD + int(length)
-        return end if end <= len(self._data) else None
-
-    def _take(self, place: int, end: int) -> bool:
-        """Take a record that is whole; return whether it can be one."""
-        opcode = self._data[place]
-        if opcode in (Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL):
+    def _prove(self, stream: IO[bytes]) -> None:
+        """Keep the chunks that can be read, those too that only the index has."""
+        known = {part.place for part in self.parts}
+        for place in self.indexed.keys() - known:
+            with contextlib.suppress(*BROKEN, OSError):
+                stream.seek(place)
+                self.parts.append(chunk_at(place, stream.read(_HEAD)))
+        # What a chunk describes has a checksum and comes first.
+        schemas, channels = self.schemas, self.channels
+        self.schemas, self.channels = {}, {}
+        self.ambiguous.clear()
+        proven = []
+        for part in sorted(self.parts, key=lambda each: each.place):
             try:
-                records = self._read(place)
+                for _ in self.read(stream, part):
+                    pass
+                proven.append(part)
             except BROKEN:
-                return False
-            is_chunk = opcode == Opcode.CHUNK
-            self._chunks += [place] if is_chunk else []
-            for record in records:
-                if isinstance(record, Schema | Channel):
-                    known: dict[int, Any] = (
-                        self._schemas if isinstance(record, Schema) else self._channels)
-                    # Those in a chunk have a checksum and come first.
-                    if is_chunk or record.id not in known:
-                        known[record.id] = record
-        elif opcode == Opcode.MESSAGE and end - place >= _HEAD + _MESSAGE:
-            self._loose.append(place)
-        return bool(Opcode.HEADER <= opcode <= Opcode.DATA_END)
+                if part.place in known:
+                    self.damages.append(Damage(part.place, part.end))
+        self.parts = proven
+        self.schemas, self.channels = schemas | self.schemas, channels | self.channels
+        self.damages.sort(key=lambda damage: damage.start)
 
-    def _read(self, place: int) -> list[McapRecord]:
-        end = self._end(place)
-        assert end is not None
-        stream = ReadDataStream(BytesIO(self._data[place + _HEAD:end]))
-        opcode = self._data[place]
-        if opcode == Opcode.CHUNK:
-            return breakup_chunk(Chunk.read(stream), validate_crc=True)
-        if opcode == Opcode.SCHEMA:
-            return [Schema.read(stream)]
-        if opcode == Opcode.CHANNEL:
-            return [Channel.read(stream)]
-        return [mcap.records.Message.read(stream, end - place - _HEAD)]
+    def _next_chunk(self, stream: IO[bytes], place: int, size: int) -> int:
+        """Return where the next chunk is that can be read; the size of the file if there is none."""
+        data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+        for match in _CHUNK.finditer(data, place):
+            with contextlib.suppress(*BROKEN):
+                part = chunk_at(match.start(), data[match.start():match.start() + _HEAD])
+                claimed = int.from_bytes(data[part.place + 25:part.place + 33], 'little')
+                if part.end <= size and claimed <= _LARGEST_CHUNK:
+                    for _ in self.read(stream, part):
+                        pass
+                    return part.place
+        return size
 
-    def _next_chunk(self, place: int) -> int | None:
-        """Find the next place that has a sound head of a chunk and its checksum."""
-        while (place := self._data.find(bytes([Opcode.CHUNK]), place)) >= 0:
-            if self._looks_like_chunk(place):
-                with contextlib.suppress(*BROKEN):
-                    self._read(place)
-                    return place
-            place += 1
-        return None
-
-    def _looks_like_chunk(self, place: int) -> bool:
-        end = self._end(place)
-        if end is None or place + _HEAD + 40 > end:
-            return False
-        start, last, size, _, letters = struct.unpack_from('<QQQII', self._data, place + _HEAD)
-        if start > last or not 0 < size <= _LARGEST_CHUNK or letters > 4:
-            return False
-        text = place + _HEAD + 32
-        length_place = text + letters
-        if length_place + 8 > end or self._data[text:length_place] not in _COMPRESSIONS:
-            return False
-        length, = struct.unpack_from('<Q', self._data, length_place)
-        return bool(length == end - length_place - 8)
-
-    def _read_summary(self) -> None:
-        """Learn the topics from the end of a file that is damaged in front of it."""
-        place = len(self._data) - _FOOTER
-        if place < 0 or self._data[place] != Opcode.FOOTER or self._end(place) is None:
+    def _read_summary(self, stream: IO[bytes], size: int) -> None:
+        """Learn what is at the end of a file that is damaged in front of it."""
+        if size < _FOOTER:
             return
-        self.is_closed = True
-        footer = Footer.read(ReadDataStream(BytesIO(self._data[place + _HEAD:])))
-        begin = int(footer.summary_start)
-        while 0 < begin < place and (end := self._end(begin)) is not None:
-            if self._data[begin] in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._take(begin, end)
-            begin = end
+        stream.seek(size - _FOOTER)
+        footer = stream.read(_FOOTER)
+        if footer.startswith(b'\x02\x14') and footer.endswith(MCAP0_MAGIC):
+            self.is_closed = True
+            place = int.from_bytes(footer[9:17], 'little')
+            parts, self.parts, self.place, self.is_closed = self.parts, [], place, False
+            with contextlib.suppress(*BROKEN):
+                self.walk(stream)
+            self.parts, self.is_closed = parts, True

@@ -21,7 +21,12 @@ class BagError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """A topic as a bag records it; `encoding` is the language of its definition."""
+    """
+    A topic as a bag records it.
+
+    `encoding` is the language of its definition, which are both empty where there is no type;
+    `serialization` that of its messages.
+    """
 
     name: str
     type_name: str
@@ -29,6 +34,7 @@ class Topic:
     type_hash: str
     offered_qos: tuple[Qos, ...]
     encoding: str = 'ros2msg'
+    serialization: str = 'cdr'
 
 
 @dataclasses.dataclass
@@ -37,10 +43,9 @@ class Contents:
 
     topics: dict[str, Topic] = dataclasses.field(default_factory=dict)
     counts: dict[str, int] = dataclasses.field(default_factory=dict)
-    # As rosbag2 has it where there is no message.
+    # As rosbag2 has it where there is no message; it has no later times.
     start: int = 2**63 - 1
     end: int = 0
-    is_indexed: bool = False
 
     @property
     def total(self) -> int:
@@ -53,7 +58,7 @@ class Contents:
     def count(self, name: str, log_time: int) -> None:
         self.counts[name] += 1
         self.start = min(self.start, log_time)
-        self.end = max(self.end, log_time)
+        self.end = min(max(self.end, log_time), 2**63 - 1)
 
 
 def message_definition(type_name: str, share: Callable[[str], str]) -> str:

@@ -34,7 +34,7 @@ class Verdict:
     `imbalance` is the largest difference of the mean force of the walls from what it must be, at
     the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
     record or report that does not follow from the events before it, `kernels` the fingerprints
-    that the simulators reported.
+    that the simulators reported. `set_back` is how far log times went back [ns].
     """
 
     events: int
@@ -52,6 +52,7 @@ class Verdict:
     fault: str
     kernels: frozenset[str]
     is_whole: bool
+    set_back: int
     seconds: float
 
     @property
@@ -68,6 +69,8 @@ class Verdict:
                  f'impulse balance within {self.imbalance:.1e}')
         notes = f', {self.beyond} more rest on what is not in the bag' if self.beyond else ''
         notes += '' if self.is_whole else '; the bag was not closed properly'
+        if self.set_back:
+            notes += f'; log times go back by up to {self.set_back / 1e9:,.9g} s'
         found = (f'{seen}, {again}{notes}; {self.seconds:.2f} s '
                  f'({self.events / max(self.seconds, 1e-9):.2g} events/s)')
         if self.is_verified:
@@ -130,7 +133,7 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
         succession.epochs, succession.runs, exponents.found, transients.found,
         exponents.beyond + transients.beyond, exponents.imbalance, tuple(succession.holes),
         tuple(succession.anew), fault or exponents.fault or transients.fault,
-        frozenset(kernels), bag.is_whole, time.monotonic() - began)
+        frozenset(kernels), bag.is_whole, bag.set_back, time.monotonic() - began)
 
 
 @dataclasses.dataclass(frozen=True)
