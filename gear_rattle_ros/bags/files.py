@@ -96,7 +96,7 @@ class Scan:
         self.channels: dict[int, Channel] = {}
         self.ambiguous: set[int] = set()  # channels that are described in two ways
         self.statistics: Statistics | None = None
-        self.indexed: dict[int, int] = {}  # the length of each chunk in the index, by its place
+        self.indexed: set[int] = set()  # where the index has chunks
         self.place = len(MCAP0_MAGIC)  # up to where the file was gone through
         self.is_closed = False  # whether its end was found there
         self.information: Any = None  # what rosbag2 keeps of its metadata.yaml in the file
@@ -129,8 +129,8 @@ class Scan:
             if opcode == Opcode.CHUNK:
                 self.parts.append(chunk_at(self.place, view))
             elif opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
-                self._add_message(self.place, end, Record(
-                    *_MESSAGE.unpack_from(view, _HEAD.size), b'').log_time)
+                self._add_message(self.place, end, _MESSAGE.unpack_from(
+                    view, _HEAD.size)[2])
             elif opcode in _READ:
                 stream.seek(self.place + _HEAD.size)
                 self.take(opcode, stream.read(length))
@@ -150,7 +150,7 @@ class Scan:
         if opcode == Opcode.STATISTICS:
             self.statistics = record
         elif opcode == Opcode.CHUNK_INDEX:
-            self.indexed[record.chunk_start_offset] = record.chunk_length
+            self.indexed.add(record.chunk_start_offset)
         elif opcode == Opcode.METADATA:
             if record.name == 'rosbag2':
                 with contextlib.suppress(ValueError):
@@ -178,7 +178,8 @@ class Scan:
                     opcode == Opcode.MESSAGE and length < _MESSAGE.size):
                 raise ValueError(f'a record is cut off in the chunk at byte {part.place}')
             if opcode == Opcode.MESSAGE:
-                yield Record(*_MESSAGE.unpack_from(data, start), data[start + _MESSAGE.size:place])
+                yield Record._make((*_MESSAGE.unpack_from(data, start),
+                                    data[start + _MESSAGE.size:place]))
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.take(opcode, data[start:place])
 
@@ -233,14 +234,13 @@ def scan(path: Path) -> Scan:
         if not found.is_closed and stream.read() == MCAP0_MAGIC:
             raise ValueError(f'the record at byte {found.place} goes beyond the end')
     metadata.require_readable(path, found.information)
-    chunks = {part.place: part.end - part.place for part in found.parts if part.is_chunk}
-    missing = found.indexed.items() - chunks.items()
-    stated = len(found.indexed) if missing else (
-        len(chunks) if found.statistics is None else found.statistics.chunk_count)
-    if missing or stated != len(chunks):
-        raise BagError(f'{path}: states {stated} chunks, but has {len(chunks)}'
-                       + (f', and not those at {sorted(place for place, _ in missing)[:3]}'
-                          if missing else '') + '; see what recover finds')
+    chunks = {part.place for part in found.parts if part.is_chunk}
+    stated = len(chunks | found.indexed)
+    if stated == len(chunks) and found.statistics is not None:
+        stated = found.statistics.chunk_count
+    if stated != len(chunks):
+        raise BagError(f'{path}: states {stated} chunks, but has {len(chunks)}; see what recover '
+                       'finds')
     return found
 
 

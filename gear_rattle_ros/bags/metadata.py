@@ -31,7 +31,8 @@ def document(files: Mapping[str, Contents]) -> dict[str, Any]:
         'message_count': sum(counts.values()),
         'topics_with_message_count': [{
             'topic_metadata': {
-                'name': topic.name, 'type': topic.type_name, 'serialization_format': topic.serialization,
+                'name': topic.name, 'type': topic.type_name,
+                'serialization_format': topic.serialization,
                 'offered_qos_profiles': [dict(qos) for qos in topic.offered_qos],
                 'type_description_hash': topic.type_hash,
             },

@@ -89,7 +89,7 @@ class Bag:
             found: Counter[int] = Counter()
             is_all = True
             with opened(file.path) as stream:
-                for part, earliest in zip(file.parts, coming):
+                for part, earliest in zip(file.parts, coming, strict=False):
                     if self._is_steady and not (start <= part.last and part.first <= end):
                         is_all = False
                         continue

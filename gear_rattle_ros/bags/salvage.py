@@ -11,7 +11,7 @@ from typing import Final, IO
 
 from mcap.writer import MCAP0_MAGIC
 
-from .files import BROKEN, chunk_at, decompressed, opened, Part, Record, Scan
+from .files import BROKEN, chunk_at, decompressed, opened, Record, Scan
 from .topics import BagError, Topic
 
 # The head of a chunk: its length, times, size and checksum, and then a compression that is known.
@@ -77,7 +77,7 @@ class Salvage(Scan):
     def _prove(self, stream: IO[bytes]) -> None:
         """Keep the chunks that can be read, those too that only the index has."""
         known = {part.place for part in self.parts}
-        for place in self.indexed.keys() - known:
+        for place in self.indexed - known:
             with contextlib.suppress(*BROKEN, OSError):
                 stream.seek(place)
                 self.parts.append(chunk_at(place, stream.read(_HEAD)))
@@ -99,7 +99,7 @@ class Salvage(Scan):
         self.damages.sort(key=lambda damage: damage.start)
 
     def _next_chunk(self, stream: IO[bytes], place: int, size: int) -> int:
-        """Return where the next chunk is that can be read; the size of the file if there is none."""
+        """Return where the next chunk that can be read begins, or the size of the file."""
         data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         for match in _CHUNK.finditer(data, place):
             with contextlib.suppress(*BROKEN):

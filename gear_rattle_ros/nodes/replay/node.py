@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
+import contextlib
 import importlib
 from pathlib import Path
 import sys
@@ -39,8 +40,9 @@ class Replay(ReportingNode):
         except BagError as error:
             raise UserError(str(error)) from None
         self._span = self._find_span()
-        names = self._choose()
-        outputs = {name: self._make_output(self._bag.topics[name]) for name in names}
+        kinds = self._choose()
+        outputs = {name: self._make_output(self._bag.topics[name], kind)
+                   for name, kind in kinds.items()}
         self._topics = len(outputs)
         clock = self.create_publisher(Clock, '/clock', CLOCK) if self.values['clock'] else None
         if not self._bag.is_whole:
@@ -88,33 +90,47 @@ class Replay(ReportingNode):
         return Span(first + round(start * 1e9), first + round(end * 1e9) if end else last,
                     self.number('speed'), bool(self.values['loop']))
 
-    def _choose(self) -> list[str]:
+    def _choose(self) -> dict[str, type]:
+        """Return the types of the topics to be published; those not installed are left out."""
         known = self._bag.topics
-        names = ['/' + name.lstrip('/') for name in str(self.values['topics']).split()]
-        for name in names:
+        named = ['/' + name.lstrip('/') for name in str(self.values['topics']).split()]
+        for name in named:
             if name not in known:
                 raise UserError(f'topics = {name} is not in {self._bag.path}; it has '
                                 f'{", ".join(sorted(known))}')
-        names = names or [name for name in known if name not in _NOT_UNASKED]
+        names = named or [name for name in known if name not in _NOT_UNASKED]
         if self.values['clock']:
             names = [name for name in names if name != '/clock']
-        if not any(self._bag.counts[name] for name in names):
+        kinds = {name: kind for name in names if (kind := _message_type(known[name]))}
+        lacking = ', '.join(f'{name} ({known[name].type_name or "no type"}, '
+                            f'{known[name].serialization})' for name in names if name not in kinds)
+        if lacking and named:
+            raise UserError(f'topics = {lacking} cannot be published: the type is not installed '
+                            'here, or the messages are not in CDR')
+        if not any(self._bag.counts[name] for name in kinds):
             raise UserError(f'{self._bag.path} has no messages on the topics to be published; '
                             f'it has the topics {", ".join(sorted(known))}')
-        return names
+        if lacking:
+            self.get_logger().warning('left out, as the type is not installed here or the '
+                                      f'messages are not in CDR: {lacking}')
+        return kinds
 
-    def _make_output(self, topic: Topic) -> AcknowledgedPace:
+    def _make_output(self, topic: Topic, kind: type) -> AcknowledgedPace:
         qos = _offered(topic.offered_qos)
-        try:
-            package, _, name = topic.type_name.split('/')
-            kind = getattr(importlib.import_module(f'{package}.msg'), name)
-        except (AttributeError, ImportError, ValueError):
-            raise UserError(f'{topic.name} has the type {topic.type_name}, which is not '
-                            'installed here; leave it out by topics') from None
         return AcknowledgedPace(self.create_publisher(kind, topic.name, qos), qos.depth)
 
     def _watch(self) -> None:
         self.is_finished = self._playing.is_over
+
+
+def _message_type(topic: Topic) -> type | None:
+    """Return the type of a topic's messages; None if it is not installed, or they are not CDR."""
+    with contextlib.suppress(AttributeError, ImportError, ValueError):
+        package, _, name = topic.type_name.split('/')
+        if topic.serialization == 'cdr':
+            kind: type = getattr(importlib.import_module(f'{package}.msg'), name)
+            return kind
+    return None
 
 
 def _offered(profiles: Sequence[Mapping[str, Any]]) -> QoSProfile:

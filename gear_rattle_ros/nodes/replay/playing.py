@@ -27,7 +27,7 @@ _AT_ONCE: Final = Duration(nanoseconds=0)
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """What to play, in log time [ns], and how: speed 0 is as fast as the readers keep up."""
+    """What to play, in times of messages [ns]; speed 0 is as fast as the readers keep up."""
 
     start: int
     end: int
@@ -99,22 +99,22 @@ class Playing:
         self._ticked = 0
         for message in self._bag.messages(list(self._outputs), span.start, span.end):
             if span.speed:
-                self._sleep(begin, message.log_time)
+                self._sleep(begin, message.time)
             else:
-                self._step(message.log_time)
+                self._step(message.time)
             if self._stop.is_set():
                 return
-            self.position = message.log_time
+            self.position = message.time
             output = self._outputs[message.topic]
             output.is_clear(_AT_ONCE)
             output.publish(message.data)
             self.messages += 1
             self._await(output.may_publish)
 
-    def _sleep(self, begin: float, log_time: int) -> None:
+    def _sleep(self, begin: float, moment: int) -> None:
         """Wait until a message is due, while the clock runs."""
         span = self._span
-        due = begin + (log_time - span.start) / 1e9 / span.speed
+        due = begin + (moment - span.start) / 1e9 / span.speed
         while not self._stop.is_set():
             now = time.monotonic()
             if self._tick is not None and now >= self._next_tick:
@@ -124,11 +124,11 @@ class Playing:
                 return
             self._stop.wait((due if self._tick is None else min(due, self._next_tick)) - now)
 
-    def _step(self, log_time: int) -> None:
+    def _step(self, moment: int) -> None:
         """Let the clock follow the messages where they do not follow the clock."""
-        if self._tick is not None and log_time >= self._ticked + _CLOCK_STEP * 1e9:
-            self._ticked = log_time
-            self._tick(log_time)
+        if self._tick is not None and moment >= self._ticked + _CLOCK_STEP * 1e9:
+            self._ticked = moment
+            self._tick(moment)
 
     def _await_acknowledgements(self) -> None:
         for output in self._outputs.values():
