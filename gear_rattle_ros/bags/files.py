@@ -73,7 +73,11 @@ class Part:
     end: int
     first: int
     last: int
-    is_chunk: bool
+    size: int = -1  # uncompressed, of a chunk
+
+    @property
+    def is_chunk(self) -> bool:
+        return self.size >= 0
 
 
 class Record(NamedTuple):
@@ -96,7 +100,7 @@ class Scan:
         self.channels: dict[int, Channel] = {}
         self.ambiguous: set[int] = set()  # channels that are described in two ways
         self.statistics: Statistics | None = None
-        self.indexed: set[int] = set()  # where the index has chunks
+        self.indexed: dict[int, int] = {}  # the uncompressed size of each chunk in the index
         self.place = len(MCAP0_MAGIC)  # up to where the file was gone through
         self.is_closed = False  # whether its end was found there
         self.information: Any = None  # what rosbag2 keeps of its metadata.yaml in the file
@@ -150,7 +154,7 @@ class Scan:
         if opcode == Opcode.STATISTICS:
             self.statistics = record
         elif opcode == Opcode.CHUNK_INDEX:
-            self.indexed.add(record.chunk_start_offset)
+            self.indexed[record.chunk_start_offset] = record.uncompressed_size
         elif opcode == Opcode.METADATA:
             if record.name == 'rosbag2':
                 with contextlib.suppress(ValueError):
@@ -168,6 +172,9 @@ class Scan:
         stream.seek(part.place)
         data = stream.read(part.end - part.place)
         if part.is_chunk:
+            if (stated := self.indexed.get(part.place, part.size)) != part.size:
+                raise ValueError(f'the index states {stated} bytes in the chunk at byte '
+                                 f'{part.place}, but that states {part.size}')
             data = _unpacked(part.place, data[_HEAD.size:])
         place = 0
         while place < len(data):
@@ -211,7 +218,7 @@ class Scan:
     def _add_message(self, place: int, end: int, time: int) -> None:
         last = self.parts[-1] if self.parts else None
         if last is None or last.is_chunk or end - last.place > _STRETCH:
-            self.parts.append(Part(place, end, time, time, False))
+            self.parts.append(Part(place, end, time, time))
         else:
             last.end, last.first, last.last = end, min(last.first, time), max(last.last, time)
 
@@ -235,7 +242,7 @@ def scan(path: Path) -> Scan:
             raise ValueError(f'the record at byte {found.place} goes beyond the end')
     metadata.require_readable(path, found.information)
     chunks = {part.place for part in found.parts if part.is_chunk}
-    stated = len(chunks | found.indexed)
+    stated = len(chunks | found.indexed.keys())
     if stated == len(chunks) and found.statistics is not None:
         stated = found.statistics.chunk_count
     if stated != len(chunks):
@@ -247,12 +254,12 @@ def scan(path: Path) -> Scan:
 def chunk_at(place: int, view: bytes) -> Part:
     """Return the chunk that begins with some bytes; ValueError if they do not make sense."""
     _, length = _HEAD.unpack_from(view)
-    first, last, _, _, letters = _CHUNK.unpack_from(view, _HEAD.size)
+    first, last, size, _, letters = _CHUNK.unpack_from(view, _HEAD.size)
     head = _CHUNK.size + letters + 8
     if _HEAD.size + head > len(view) or head + int.from_bytes(
             view[_HEAD.size + head - 8:_HEAD.size + head], 'little') > length:
         raise ValueError(f'there is no chunk at byte {place}')
-    return Part(place, place + _HEAD.size + length, first, last, True)
+    return Part(place, place + _HEAD.size + length, first, last, size)
 
 
 def _unpacked(place: int, content: bytes) -> bytes:

@@ -77,7 +77,7 @@ class Salvage(Scan):
     def _prove(self, stream: IO[bytes]) -> None:
         """Keep the chunks that can be read, those too that only the index has."""
         known = {part.place for part in self.parts}
-        for place in self.indexed - known:
+        for place in self.indexed.keys() - known:
             with contextlib.suppress(*BROKEN, OSError):
                 stream.seek(place)
                 self.parts.append(chunk_at(place, stream.read(_HEAD)))
@@ -104,8 +104,7 @@ class Salvage(Scan):
         for match in _CHUNK.finditer(data, place):
             with contextlib.suppress(*BROKEN):
                 part = chunk_at(match.start(), data[match.start():match.start() + _HEAD])
-                claimed = int.from_bytes(data[part.place + 25:part.place + 33], 'little')
-                if part.end <= size and claimed <= _LARGEST_CHUNK:
+                if part.end <= size and part.size <= _LARGEST_CHUNK:
                     for _ in self.read(stream, part):
                         pass
                     return part.place

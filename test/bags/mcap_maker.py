@@ -47,6 +47,7 @@ class Layout:
     loose: int = 0
     in_chunk: int = 4
     size_error: int = 0
+    index_error: int = 0
     count_error: int = 0
     channel_error: int = 0
     chunk_error: int = 0
@@ -151,7 +152,7 @@ class Writer:
         return self.record(CHUNK_INDEX, struct.pack(
             '<QQQQ', min(times), max(times), place, length) + pairs(offsets) + struct.pack(
             '<Q', len(self.out) - place - length) + text(layout.compression) + struct.pack(
-            '<QQ', len(packed), size))
+            '<QQ', len(packed), size + layout.index_error))
 
     def end(self, schemas: Sequence[bytes], channels: Sequence[bytes], messages: Sequence[Sent],
             index: Sequence[bytes]) -> None:

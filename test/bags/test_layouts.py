@@ -139,6 +139,7 @@ def test_the_layouts_are_those_of_the_specification(chunks: bool, compression: s
     (Layout(channel_error=-1), 'states 8 messages on /impacts, but has 9'),
     (Layout(chunk_error=2), 'states 7 chunks, but has 5'),
     (Layout(lost_chunk=True), 'states 6 chunks, but has 5'),
+    (Layout(index_error=9), r'the index states \d+ bytes in the chunk .* that states \d+'),
     (Layout(size_error=9), r'states \d+ bytes, but has \d+'),
     (Layout(size_error=-9), r'states \d+ bytes, but has more'),
     (Layout(chunks=False, count_error=1), 'states 19 messages, but has 18'),
