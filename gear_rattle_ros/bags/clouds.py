@@ -16,7 +16,8 @@ POINT_CLOUD: Final = 'sensor_msgs/msg/PointCloud2'
 
 def has_events(topic: Topic) -> bool:
     """Return whether EVENT records are to be expected on a topic, by its name and type."""
-    return topic.type_name in (POINT_CLOUD, '') and topic.name.split('/')[-1] == 'impacts'
+    return (topic.type_name in (POINT_CLOUD, '') and topic.serialization == 'cdr'
+            and topic.name.split('/')[-1] == 'impacts')
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,17 +7,18 @@ import dataclasses
 import io
 import os
 from pathlib import Path
+import re
 import shutil
 import struct
 import tempfile
-from typing import Any, Final, IO, NamedTuple
+from typing import Any, Final, IO
 import zlib
 
 import lz4.frame
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Message, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 import zstandard
 
@@ -36,6 +37,7 @@ _VIEW: Final = 64
 # Messages outside of chunks are read together up to this length.
 _STRETCH: Final = 2**20
 _ZSTD: Final = zstandard.FRAME_HEADER
+_COMPRESSION: Final = re.compile(r'(compression_(?:format|mode))["\']?: *["\']?(\w*)')
 _READ: Final[Mapping[int, Any]] = {
     Opcode.SCHEMA: Schema.read, Opcode.CHANNEL: Channel.read, Opcode.METADATA: Metadata.read,
     Opcode.STATISTICS: Statistics.read, Opcode.CHUNK_INDEX: ChunkIndex.read}
@@ -80,16 +82,6 @@ class Part:
         return self.size >= 0
 
 
-class Record(NamedTuple):
-    """A message as it is in the file."""
-
-    channel: int
-    sequence: int
-    log_time: int
-    publish_time: int
-    data: bytes
-
-
 class Scan:
     """What is in an .mcap file, found by going from record to record, without an index."""
 
@@ -103,7 +95,7 @@ class Scan:
         self.indexed: dict[int, int] = {}  # the uncompressed size of each chunk in the index
         self.place = len(MCAP0_MAGIC)  # up to where the file was gone through
         self.is_closed = False  # whether its end was found there
-        self.information: Any = None  # what rosbag2 keeps of its metadata.yaml in the file
+        self.information: dict[str, str] = {}  # what rosbag2 states of its compression
         self._topics: dict[int, Topic] = {}
 
     @property
@@ -133,8 +125,7 @@ class Scan:
             if opcode == Opcode.CHUNK:
                 self.parts.append(chunk_at(self.place, view))
             elif opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
-                self._add_message(self.place, end, _MESSAGE.unpack_from(
-                    view, _HEAD.size)[2])
+                self._add_message(self.place, end, _MESSAGE.unpack_from(view, _HEAD.size)[2])
             elif opcode in _READ:
                 stream.seek(self.place + _HEAD.size)
                 self.take(opcode, stream.read(length))
@@ -157,8 +148,9 @@ class Scan:
             self.indexed[record.chunk_start_offset] = record.uncompressed_size
         elif opcode == Opcode.METADATA:
             if record.name == 'rosbag2':
-                with contextlib.suppress(ValueError):
-                    self.information = read_yaml(record.metadata.get('serialized_metadata', ''))
+                # Parsing all of it would take longer than the rest of the file.
+                self.information = dict(_COMPRESSION.findall(
+                    record.metadata.get('serialized_metadata', '')))
         elif record.id or opcode == Opcode.CHANNEL:
             known: dict[int, Any] = self.schemas if opcode == Opcode.SCHEMA else self.channels
             first = known.setdefault(record.id, record)
@@ -167,7 +159,7 @@ class Scan:
                 self.ambiguous.add(record.id)
                 self._topics.pop(record.id, None)
 
-    def read(self, stream: IO[bytes], part: Part) -> Iterator[Record]:
+    def read(self, stream: IO[bytes], part: Part) -> Iterator[Message]:
         """Yield the messages of a part; what it describes besides is kept."""
         stream.seek(part.place)
         data = stream.read(part.end - part.place)
@@ -185,8 +177,9 @@ class Scan:
                     opcode == Opcode.MESSAGE and length < _MESSAGE.size):
                 raise ValueError(f'a record is cut off in the chunk at byte {part.place}')
             if opcode == Opcode.MESSAGE:
-                yield Record._make((*_MESSAGE.unpack_from(data, start),
-                                    data[start + _MESSAGE.size:place]))
+                channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, start)
+                yield Message(channel, log_time, data[start + _MESSAGE.size:place], publish_time,
+                              sequence)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.take(opcode, data[start:place])
 
@@ -203,17 +196,17 @@ class Scan:
 
     def compare(self, found: Counter[int]) -> None:
         """Hold the messages that were found on each channel against the statistics."""
-        stated = self.statistics
-        if stated is None:
-            return
-        if found.total() != stated.message_count:
-            raise BagError(f'{self.path}: states {stated.message_count} messages, but has '
-                           f'{found.total()}; see what recover finds')
-        for number, count in stated.channel_message_counts.items():
-            if found[number] != count:
+        if self.statistics is not None:
+            self.hold('messages', self.statistics.message_count, found.total())
+            for number, count in self.statistics.channel_message_counts.items():
                 name = self.channels[number].topic if number in self.channels else number
-                raise BagError(f'{self.path}: states {count} messages on {name}, but has '
-                               f'{found[number]}; see what recover finds')
+                self.hold(f'messages on {name}', count, found[number])
+
+    def hold(self, things: str, stated: int, found: int) -> None:
+        """Raise BagError if there are not as many of some things as the file states."""
+        if stated != found:
+            raise BagError(f'{self.path}: states {stated} {things}, but has {found}; see what '
+                           'recover finds')
 
     def _add_message(self, place: int, end: int, time: int) -> None:
         last = self.parts[-1] if self.parts else None
@@ -239,15 +232,12 @@ def scan(path: Path) -> Scan:
             raise BagError(f'{path}: has {size - found.place} bytes after its end at byte '
                            f'{found.place}; recover copies what is before it')
         if not found.is_closed and stream.read() == MCAP0_MAGIC:
-            raise ValueError(f'the record at byte {found.place} goes beyond the end')
+            raise ValueError(f'there is no whole record at byte {found.place}')
     metadata.require_readable(path, found.information)
     chunks = {part.place for part in found.parts if part.is_chunk}
-    stated = len(chunks | found.indexed.keys())
-    if stated == len(chunks) and found.statistics is not None:
-        stated = found.statistics.chunk_count
-    if stated != len(chunks):
-        raise BagError(f'{path}: states {stated} chunks, but has {len(chunks)}; see what recover '
-                       'finds')
+    found.hold('chunks', len(chunks | found.indexed.keys()), len(chunks))
+    if found.statistics is not None:
+        found.hold('chunks', found.statistics.chunk_count, len(chunks))
     return found
 
 

@@ -94,8 +94,8 @@ class Bag:
                         is_all = False
                         continue
                     for record in file.read(stream, part):
-                        found[record.channel] += 1
-                        topic = file.topic(record.channel)
+                        found[record.channel_id] += 1
+                        topic = file.topic(record.channel_id)
                         time, rank = order.time(topic.name, record.sequence, record.log_time)
                         if start <= time <= end and (topics is None or topic.name in topics):
                             order.hold(Message(

@@ -9,9 +9,10 @@ from pathlib import Path
 import re
 from typing import Final, IO
 
+from mcap.records import Message
 from mcap.writer import MCAP0_MAGIC
 
-from .files import BROKEN, chunk_at, decompressed, opened, Record, Scan
+from .files import BROKEN, chunk_at, decompressed, opened, Scan
 from .topics import BagError, Topic
 
 # The head of a chunk: its length, times, size and checksum, and then a compression that is known.
@@ -42,7 +43,7 @@ class Salvage(Scan):
         with opened(path, is_damage_expected=True) as stream:
             self._go_through(stream)
 
-    def messages(self) -> Iterator[tuple[Topic, Record]]:
+    def messages(self) -> Iterator[tuple[Topic, Message]]:
         """Yield the messages that are left, in the order of the file."""
         self.nameless = self.found = 0
         with opened(self.path, is_damage_expected=True) as stream:
@@ -50,12 +51,13 @@ class Salvage(Scan):
                 for record in self.read(stream, part):
                     self.found += 1
                     try:
-                        topic = self.topic(record.channel)
+                        topic = self.topic(record.channel_id)
                     except BagError:
                         self.nameless += 1
                         continue
                     with contextlib.suppress(*BROKEN):
-                        yield topic, record._replace(data=decompressed(topic, record.data))
+                        record.data = decompressed(topic, record.data)
+                    yield topic, record
 
     def _go_through(self, stream: IO[bytes]) -> None:
         size = stream.seek(0, os.SEEK_END)

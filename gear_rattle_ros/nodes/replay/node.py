@@ -104,9 +104,9 @@ class Replay(ReportingNode):
         kinds = {name: kind for name in names if (kind := _message_type(known[name]))}
         lacking = ', '.join(f'{name} ({known[name].type_name or "no type"}, '
                             f'{known[name].serialization})' for name in names if name not in kinds)
-        if lacking and named:
-            raise UserError(f'topics = {lacking} cannot be published: the type is not installed '
-                            'here, or the messages are not in CDR')
+        if lacking and (named or not kinds):
+            raise UserError(f'{self._bag.path}: cannot publish {lacking}: the type is not '
+                            'installed here, or the messages are not in CDR')
         if not any(self._bag.counts[name] for name in kinds):
             raise UserError(f'{self._bag.path} has no messages on the topics to be published; '
                             f'it has the topics {", ".join(sorted(known))}')
