@@ -33,7 +33,7 @@ _HEAD: Final = struct.Struct('<BQ')
 _CHUNK: Final = struct.Struct('<QQQII')
 _MESSAGE: Final = struct.Struct('<HIQQ')
 # All of that, and the name of a compression, is in so many bytes.
-_VIEW: Final = 64
+VIEW: Final = 64
 # Messages outside of chunks are read together up to this length.
 _STRETCH: Final = 2**20
 _ZSTD: Final = zstandard.FRAME_HEADER
@@ -114,7 +114,7 @@ class Scan:
         size = stream.seek(0, os.SEEK_END)
         while not self.is_closed:
             stream.seek(self.place)
-            view = stream.read(_VIEW)
+            view = stream.read(VIEW)
             if len(view) < _HEAD.size or not any(view):
                 # Zeros are what a file system leaves that went down.
                 return

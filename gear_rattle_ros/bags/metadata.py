@@ -66,21 +66,20 @@ def write(directory: Path, information: dict[str, Any]) -> None:
     new.replace(directory / NAME)
 
 
-def require_readable(path: Path, information: Any) -> None:
+def require_readable(path: Path, information: Mapping[str, Any]) -> None:
     """Raise BagError if rosbag2 compressed what was recorded otherwise than is read here."""
-    if isinstance(information, dict):
-        form, mode = (str(information.get(f'compression_{key}') or '')[:80]
-                      for key in ('format', 'mode'))
-        if mode.upper() not in ('', 'NONE') and form != 'zstd':
-            raise BagError(f'{path}: its compression_mode is {mode} with {form or "no format"}, '
-                           'and only zstd is read; convert the bag with ros2 bag convert')
+    form, mode = (str(information.get(f'compression_{key}') or '')[:80]
+                  for key in ('format', 'mode'))
+    if mode.upper() not in ('', 'NONE') and form != 'zstd':
+        raise BagError(f'{path}: its compression_mode is {mode} with {form or "no format"}, and '
+                       'only zstd is read; convert the bag with ros2 bag convert')
 
 
-def read_information(directory: Path) -> Any:
+def read_information(directory: Path) -> dict[str, Any] | None:
     """Return what metadata.yaml holds; None if there is none, BagError if it is no metadata."""
     path = directory / NAME
     try:
-        return read_yaml(path.read_text('utf-8'))['rosbag2_bagfile_information']
+        return dict(read_yaml(path.read_text('utf-8'))['rosbag2_bagfile_information'])
     except FileNotFoundError:
         return None
     except (ValueError, LookupError, TypeError):
@@ -93,15 +92,13 @@ def file_names(directory: Path) -> list[str]:
     information = read_information(directory)
     if information is None:
         return glob(directory)
-    try:
-        storage = information['storage_identifier']
-        names = information['relative_file_paths'] if storage in ('mcap', '', None) else []
-    except (LookupError, TypeError):
-        raise BagError(f'{path}: is not the metadata of a bag') from None
+    storage = information.get('storage_identifier')
     if storage not in ('mcap', '', None):
         # A few lines of YAML can make a value that fills the memory when it is printed.
         named = repr(storage) if isinstance(storage, str) else type(storage).__name__
-        raise BagError(f'{path}: storage is {named[:80]}, not mcap')
+        raise BagError(f'{path}: storage is {named[:80]}, not mcap; convert it with '
+                       'ros2 bag convert')
+    names = information.get('relative_file_paths')
     if not isinstance(names, list) or not all(
             isinstance(name, str) and name == Path(name).name for name in names):
         raise BagError(f'{path}: relative_file_paths are not all names of files beside it')

@@ -131,7 +131,7 @@ def _find(path: Path) -> list[Path]:
     information = None
     with contextlib.suppress(BagError, OSError):
         information = read_information(path)
-    require_readable(path / NAME, information)
+    require_readable(path / NAME, information or {})
     # Files that metadata.yaml does not name, or names wrongly, belong to the bag all the same.
     with contextlib.suppress(BagError, OSError):
         listed = [file for file in find_files(path) if file in files]

@@ -12,12 +12,11 @@ from typing import Final, IO
 from mcap.records import Message
 from mcap.writer import MCAP0_MAGIC
 
-from .files import BROKEN, chunk_at, decompressed, opened, Scan
+from .files import BROKEN, chunk_at, decompressed, opened, Scan, VIEW
 from .topics import BagError, Topic
 
 # The head of a chunk: its length, times, size and checksum, and then a compression that is known.
 _CHUNK: Final = re.compile(rb'\x06(?=.{36}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4}))', re.DOTALL)
-_HEAD: Final = 64
 # A chunk that claims to hold more than this is taken for noise.
 _LARGEST_CHUNK: Final = 2**30
 # Length of a footer and of the magic after it.
@@ -39,7 +38,7 @@ class Salvage(Scan):
         super().__init__(path)
         self.damages: list[Damage] = []  # where nothing could be read, in order
         self.nameless = 0  # messages read whose topic is described nowhere in the file
-        self.found = 0  # all messages read
+        self.found = 0  # the other messages read
         with opened(path, is_damage_expected=True) as stream:
             self._go_through(stream)
 
@@ -49,7 +48,6 @@ class Salvage(Scan):
         with opened(self.path, is_damage_expected=True) as stream:
             for part in self.parts:
                 for record in self.read(stream, part):
-                    self.found += 1
                     try:
                         topic = self.topic(record.channel_id)
                     except BagError:
@@ -57,7 +55,8 @@ class Salvage(Scan):
                         continue
                     with contextlib.suppress(*BROKEN):
                         record.data = decompressed(topic, record.data)
-                    yield topic, record
+                        self.found += 1
+                        yield topic, record
 
     def _go_through(self, stream: IO[bytes]) -> None:
         size = stream.seek(0, os.SEEK_END)
@@ -82,20 +81,21 @@ class Salvage(Scan):
         for place in self.indexed.keys() - known:
             with contextlib.suppress(*BROKEN, OSError):
                 stream.seek(place)
-                self.parts.append(chunk_at(place, stream.read(_HEAD)))
+                self.parts.append(chunk_at(place, stream.read(VIEW)))
         # What a chunk describes has a checksum and comes first.
         schemas, channels = self.schemas, self.channels
         self.schemas, self.channels = {}, {}
         self.ambiguous.clear()
         proven = []
         for part in sorted(self.parts, key=lambda each: each.place):
-            try:
-                for _ in self.read(stream, part):
-                    pass
-                proven.append(part)
-            except BROKEN:
-                if part.place in known:
-                    self.damages.append(Damage(part.place, part.end))
+            stated = self.indexed.pop(part.place, part.size)
+            with contextlib.suppress(*BROKEN):
+                # The index may be damaged itself, but not so that a chunk has messages.
+                if sum(1 for _ in self.read(stream, part)) or stated == part.size:
+                    proven.append(part)
+                    continue
+            if part.place in known:
+                self.damages.append(Damage(part.place, part.end))
         self.parts = proven
         self.schemas, self.channels = schemas | self.schemas, channels | self.channels
         self.damages.sort(key=lambda damage: damage.start)
@@ -105,7 +105,7 @@ class Salvage(Scan):
         data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         for match in _CHUNK.finditer(data, place):
             with contextlib.suppress(*BROKEN):
-                part = chunk_at(match.start(), data[match.start():match.start() + _HEAD])
+                part = chunk_at(match.start(), data[match.start():match.start() + VIEW])
                 if part.end <= size and part.size <= _LARGEST_CHUNK:
                     for _ in self.read(stream, part):
                         pass

@@ -21,12 +21,7 @@ class BagError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """
-    A topic as a bag records it.
-
-    `encoding` is the language of its definition, which are both empty where there is no type;
-    `serialization` that of its messages.
-    """
+    """A topic in a bag; `encoding` is the language of its definition; without a type all empty."""
 
     name: str
     type_name: str

@@ -30,7 +30,7 @@ class Layout:
     How a file is laid out.
 
     `frames` are the compressed frames of a chunk, `loose` the messages in front of the chunks
-    that are outside of them. Statistics and index may be falsified by functions of their values.
+    that are outside of them, `between` those after each chunk. Statistics and index may be falsified by functions of their values.
     """
 
     chunks: bool = True
@@ -45,6 +45,7 @@ class Layout:
     private: bool = False
     frames: int = 1
     loose: int = 0
+    between: int = 0
     in_chunk: int = 4
     size_error: int = 0
     index_error: int = 0
@@ -119,9 +120,12 @@ class Writer:
             self.out += b''.join(described)
         for sent in messages[:loose]:
             self.out += self.message(sent)
-        for start in range(loose, len(messages), layout.in_chunk):
+        step = layout.in_chunk + layout.between
+        for start in range(loose, len(messages), step):
             some = messages[start:start + layout.in_chunk]
             index.append(self.chunk([] if start else described, some))
+            for sent in messages[start + layout.in_chunk:start + step]:
+                self.out += self.message(sent)
         crc = zlib.crc32(self.out) if layout.checksum else 0
         self.out += self.record(DATA_END, struct.pack('<I', crc))
         self.end(schemas, channels, messages, index)

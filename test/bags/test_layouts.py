@@ -45,7 +45,7 @@ ALL = [Layout(**dict(zip(('padding', 'repeated', 'statistics', 'offsets', 'chunk
        if compression != 'loose' or kinds[4:] == (False, False)]
 SPECIAL = [
     Layout(frames=3), Layout(frames=3, checksum=False), Layout(compression='lz4', frames=2),
-    Layout(loose=5), Layout(loose=5, chunk_index=False), Layout(loose=1, statistics=False),
+    Layout(loose=5), Layout(between=3), Layout(loose=5, between=1, chunk_index=False), Layout(loose=1, statistics=False),
     Layout(private=True), Layout(private=True, chunks=False), Layout(private=True, padding=True),
     Layout(in_chunk=1), Layout(in_chunk=100), Layout(loose=17, repeated=False, padding=True),
 ]
@@ -153,6 +153,8 @@ def test_what_is_stated_is_held_against_what_is_there(
             read(path)
         assert '\n' not in str(caught.value)
     assert verify_command.main([str(path)]) == 2
+    if layout.index_error:
+        assert recover(path, tmp_path / 'out').messages == 18
     if layout.count_error:
         report = str(recover(path, tmp_path / 'out'))
         assert f'states {18 + layout.count_error} messages, but has 18' in report
@@ -289,6 +291,13 @@ def test_compressed_by_rosbag2(mode: str, is_named: bool, tmp_path: Path) -> Non
         path.write_bytes(path.read_bytes()[:-300])
         assert not Bag(bag).is_whole
         assert 'was not closed properly' in str(recover(bag, tmp_path / 'cut'))
+    if mode == 'MESSAGE':
+        # A message that cannot be decompressed is no message.
+        sent[4] = dataclasses.replace(sent[4], data=sent[4].data[:-20])
+        written(path, Layout(compression=''), sent)
+        with pytest.raises(BagError, match='is damaged'):
+            verify(bag)
+        assert 'states 18 messages, but has 17' in str(recover(bag, tmp_path / 'cut'))
 
 
 @pytest.mark.parametrize('is_in_file', [True, False])
@@ -352,9 +361,9 @@ def test_events_without_a_schema(tmp_path: Path) -> None:
     path.write_bytes(Writer(Layout()).write([], [
         make_channel(1, 0, '/impacts'), make_channel(2, 0, '/joint_states')], messages()))
     assert verify(path).is_verified
-    with pytest.raises(UserError, match=r'cannot publish /impacts \(no type, cdr\), /joint_states'):
-        Replay._choose(types.SimpleNamespace(_bag=Bag(path),
-                                             values={'topics': '', 'clock': False}))
+    node = types.SimpleNamespace(_bag=Bag(path), values={'topics': '', 'clock': False})
+    with pytest.raises(UserError, match=r'cannot publish /impacts \(no type, cdr\), /joint'):
+        Replay._choose(node)
     assert '401 events' in str(recover(path, tmp_path / 'out'))
     assert read_bag(tmp_path / 'out').tobytes() == EVENTS.tobytes()
 
