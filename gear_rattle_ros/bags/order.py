@@ -33,7 +33,8 @@ class Order:
     """Gives messages, in the order of the file, their time, and puts them in order by it."""
 
     def __init__(self, begin: int) -> None:
-        self.set_back = 0  # the most by which log times on a topic went back [ns]
+        # The most by which log times on a topic went back [ns].
+        self.set_back: dict[str, int] = {}
         self._newest = begin
         # On each topic the time, rank and sequence number of the latest, and the clock's shift.
         self._latest: dict[str, tuple[int, int, int, int]] = {}
@@ -48,7 +49,7 @@ class Order:
             # It was written late.
             return time, sequence
         if time < latest:
-            self.set_back = max(self.set_back, latest - time)
+            self.set_back[topic] = max(self.set_back.get(topic, 0), latest - time)
             if time < latest - LATE:
                 shift += self._newest - time
                 latest = self._newest

@@ -36,8 +36,8 @@ class Bag:
         #: Whether all files were closed properly; if not, their complete chunks are read.
         self.is_whole = True
         self._files = [scan(file) for file in find_files(self.path)]
-        #: The most by which log times on a topic were seen to go back [ns].
-        self.set_back = 0
+        #: The most by which log times were seen to go back, on topics where they do [ns].
+        self.set_back: dict[str, int] = {}
         parts = [part for file in self._files for part in file.parts]
         self._is_steady = _are_steady(parts)
         self._survey(parts)
@@ -101,7 +101,7 @@ class Bag:
                             order.hold(Message(
                                 topic.name, topic.type_name, decompressed(topic, record.data),
                                 record.log_time, record.publish_time, record.sequence, time), rank)
-                    self.set_back = max(self.set_back, order.set_back)
+                    self.set_back |= order.set_back
                     yield from order.due(earliest)
             if is_all:
                 file.compare(found)

@@ -34,7 +34,7 @@ class Verdict:
     `imbalance` is the largest difference of the mean force of the walls from what it must be, at
     the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
     record or report that does not follow from the events before it, `kernels` the fingerprints
-    that the simulators reported. `set_back` is how far log times went back [ns].
+    that the simulators reported. `set_back` is how far log times of the events went back [ns].
     """
 
     events: int
@@ -133,7 +133,7 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
         succession.epochs, succession.runs, exponents.found, transients.found,
         exponents.beyond + transients.beyond, exponents.imbalance, tuple(succession.holes),
         tuple(succession.anew), fault or exponents.fault or transients.fault,
-        frozenset(kernels), bag.is_whole, bag.set_back, time.monotonic() - began)
+        frozenset(kernels), bag.is_whole, bag.set_back.get(impacts, 0), time.monotonic() - began)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -30,7 +30,8 @@ class Layout:
     How a file is laid out.
 
     `frames` are the compressed frames of a chunk, `loose` the messages in front of the chunks
-    that are outside of them, `between` those after each chunk. Statistics and index may be falsified by functions of their values.
+    that are outside of them, `between` those after each chunk.
+    Errors are added to what the chunks, their index and the statistics state.
     """
 
     chunks: bool = True

@@ -45,7 +45,8 @@ ALL = [Layout(**dict(zip(('padding', 'repeated', 'statistics', 'offsets', 'chunk
        if compression != 'loose' or kinds[4:] == (False, False)]
 SPECIAL = [
     Layout(frames=3), Layout(frames=3, checksum=False), Layout(compression='lz4', frames=2),
-    Layout(loose=5), Layout(between=3), Layout(loose=5, between=1, chunk_index=False), Layout(loose=1, statistics=False),
+    Layout(loose=5), Layout(between=3), Layout(loose=5, between=1, chunk_index=False),
+    Layout(loose=1, statistics=False),
     Layout(private=True), Layout(private=True, chunks=False), Layout(private=True, padding=True),
     Layout(in_chunk=1), Layout(in_chunk=100), Layout(loose=17, repeated=False, padding=True),
 ]
