@@ -80,6 +80,7 @@ setup(
     python_requires='>=3.11',
     install_requires=[
         'bokeh>=3.4',
+        'lz4',
         'matplotlib',
         'mcap>=1.2',
         'numba>=0.58',
@@ -90,6 +91,7 @@ setup(
         'rich',
         'xarray',
         'zarr>=3.1.6',
+        'zstandard',
     ],
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={
