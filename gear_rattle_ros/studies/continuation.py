@@ -40,8 +40,7 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         Accuracy of the ends of chaotic attractors, in alpha [1].
 
     """
-    if not 1e-12 <= tolerance <= 1e-2:
-        raise ValueError(f'--tolerance {tolerance:g} is not between 1e-12 and 1e-2')
+    require_tolerance(tolerance)
     work = Work(**options)
     diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
                       Window(keep, bins=BINS, hold=hold), ('random',))
@@ -51,6 +50,12 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         events = search.events(progress.add)
     write_events(store, events)
     return store
+
+
+def require_tolerance(tolerance: float) -> None:
+    """Refuse a tolerance in alpha outside 1e-12 to 1e-2 with a ValueError."""
+    if not 1e-12 <= tolerance <= 1e-2:
+        raise ValueError(f'--tolerance {tolerance:g} is not between 1e-12 and 1e-2')
 
 
 def describe(dataset: Arrays) -> str:
