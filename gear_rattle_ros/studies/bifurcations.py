@@ -217,7 +217,7 @@ class Search:
 
     def _not_located(self) -> Iterator[Event]:
         # The ends of what could not be followed are known from the columns alone.
-        for n in range(int(self._numbers.max()) + 1):
+        for n in np.unique(self._numbers[self._numbers >= 0]).tolist():
             cells = np.argwhere(self._numbers == n).tolist()
             for (column, slot), beyond in ((cells[0], -1), (cells[-1], 1)):
                 if ((column, slot) not in self._followed

@@ -46,7 +46,7 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
                       Window(keep, bins=BINS, hold=hold), ('random',))
     store = compute(diagram, work, NAME)
     search = Search(diagram, store, tolerance, hold)
-    with work.report('continuation, searches for events', search.size) as progress:
+    with work.report('continuation, searches for events', search.size, uneven=True) as progress:
         events = search.events(progress.add)
     write_events(store, events)
     return store

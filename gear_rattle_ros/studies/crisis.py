@@ -77,8 +77,9 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.24, 1.25),
     require_window(alphas)
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')
-    with work.report('crisis, searches of the manifold', SEARCHES) as progress:
-        key, end, captor = find_ending(parameters, alphas, plane, attractor, seed)
+    key, end, captor = find_ending(parameters, alphas, plane, attractor, seed)
+    # The search begins with many saddles, of which it is not known how many there are.
+    with work.report('crisis, searches of the manifold', SEARCHES, uneven=True) as progress:
         tangency = touch(end, progress.add)
     places = amplitudes(tangency.alpha, end.direction, *beyond, rates)
     store = compute(Escapes(

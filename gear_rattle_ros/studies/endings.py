@@ -253,8 +253,10 @@ def locate(rate: Rate, high: float, far: float, width: float, hold: int) -> tupl
         if share < 1.0:
             hidden = min(hidden, d * share / (1.0 - share))
     beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
-    if len(seen) >= FITTED:
-        law = fit_law(*zip(*((d, k.rate, k.error) for d, k in seen), strict=True))
+    # What is faster than a round is not timed.
+    timed_well = [(d, k.rate, k.error) for d, k in seen if k.mean > ROUND]
+    if len(timed_well) >= FITTED:
+        law = fit_law(*zip(*timed_well, strict=True))
         if law.alpha_c_error < uncertainty:
             beyond = min(max(law.alpha_c, -hidden), high)
             uncertainty = max(law.alpha_c_error, 0.5 * high, abs(law.alpha_c - beyond))

@@ -79,7 +79,9 @@ def _fit(a: FloatArray, k: FloatArray, e: FloatArray) -> LifetimeLaw:
     best = float(np.sum(residual**2))
     for _ in range(ITERATIONS):
         normal = slope.T @ slope
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -slope.T @ residual)
+        # Rates that do not depend on alpha leave its place undetermined.
+        step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), -slope.T @ residual,
+                               rcond=None)[0]
         trial, trial_slope = _law(x + step, a, k, weight)
         if float(np.sum(trial**2)) <= best:
             best, x, damping = float(np.sum(trial**2)), x + step, max(0.3 * damping, 1e-12)

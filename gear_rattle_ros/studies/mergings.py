@@ -48,6 +48,8 @@ JUMPS: Final = 0.02
 WITHIN: Final = 1.0 / 64.0
 # Where a window of a periodic orbit hides the middle of an interval, other places are tried.
 SHARES: Final = (0.5, 0.45, 0.6, 0.3)
+# What this share of all that can do it does in a round is faster than a round.
+FAST: Final = 0.9
 NUDGES: Final = (1.0, 0.98, 1.03)
 
 # Which trajectories do something in a round.
@@ -120,7 +122,8 @@ def find_mergings(inside: Shape, outside: Shape, tolerance: float, hold: int
         ends = _narrow(here, outside, lambda p: passages(p, here.state, here.pieces), tolerance,
                        hold)
         found = ends and _locate(ends, lambda p: passages(p, here.state, here.pieces),
-                                 abs(outside.alpha - here.alpha), hold)
+                                 abs(outside.alpha - here.alpha), hold,
+                                 1.0 - outside.pieces / here.pieces)
         if found is None:
             return
         yield found
@@ -149,7 +152,7 @@ def find_growth(inside: Shape, outside: Shape, tolerance: float, hold: int) -> R
         return bursts(parameters, inside.state, edge, beyond)
 
     ends = _narrow(inside, outside, watch, tolerance, hold)
-    return ends and _locate(ends, watch, width, hold)
+    return ends and _locate(ends, watch, width, hold, 1.0)
 
 
 def passages(parameters: Parameters, state: FloatArray, pieces: int) -> Iterator[Lanes]:
@@ -239,8 +242,9 @@ def _until_any(rounds: Iterator[Lanes]) -> Iterator[Lanes]:
             return
 
 
-def _locate(ends: tuple[Shape, float], watch: Watch, width: float, hold: int
+def _locate(ends: tuple[Shape, float], watch: Watch, width: float, hold: int, limit: float
             ) -> Reshaping | None:
+    # `limit` is the share of trajectories that are seen to do it where that is fast.
     inside, step = ends
     direction, shortest = math.copysign(1.0, step), max(SHORTEST * hold, 2.0 * ROUND)
 
@@ -254,7 +258,8 @@ def _locate(ends: tuple[Shape, float], watch: Watch, width: float, hold: int
                     break
             if rounds:
                 break
-        seen = -math.log1p(-escapes / (rounds + 1.0)) / ROUND
+        share = escapes / (rounds + 1.0) / limit
+        seen = -limit * math.log1p(-share) / ROUND if share < FAST else 1.0 / ROUND
         return EscapeRate(seen, seen / math.sqrt(max(1, escapes)), escapes, float(rounds * ROUND))
 
     high = abs(step)

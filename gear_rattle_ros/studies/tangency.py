@@ -7,7 +7,13 @@ from typing import Any, Final, Protocol
 
 from ..attractors.plane import at_parameters
 from ..core.arrays import RecordArray
-from ..core.many.chaotic_sets import enough_of, orbits_in, shortest_orbit
+from ..core.many.chaotic_sets import (
+    enough_of,
+    least_share,
+    orbits_in,
+    shortest_orbit,
+    VISITED,
+)
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow, Turn
@@ -37,6 +43,8 @@ SEARCHES: Final = 60 + SHIFTS
 # Impacts of each trajectory that are searched for orbits, and the longest of these.
 SEARCHED: Final = 16_384
 LONGEST: Final = 16
+# Saddles that are tried.
+TRIED: Final = 60
 # The manifolds are compared this far from where a crisis was seen, in its uncertainty, and farther
 # if need be.
 ASIDE: Final = (20.0, 100.0)
@@ -200,12 +208,15 @@ def find_contact(parameters: Parameters, states: RecordArray, inside: float, out
     manifold begins to cross that of one of them.
     """
     within, beyond = (dataclasses.replace(parameters, alpha=alpha) for alpha in (inside, outside))
-    named = shortest_orbit(within, enough_of(within, _impacts(within, states)))
+    before = enough_of(within, _impacts(within, states))
+    named = shortest_orbit(within, before)
     if named is None:
         return None
     leaves = saddle_of(named)
     others: list[Contact] = []
-    for orbit in _saddles(beyond, _impacts(beyond, states)):
+    # Shortest first of those that are not in the attractor.
+    for orbit in sorted(_saddles(beyond, _impacts(beyond, states)),
+                        key=lambda one: least_share(before, one) >= VISITED)[:TRIED]:
         try:
             meets = saddle_of(carry(orbit, inside))
             through = [Contact(source, meets) for source in _sides(leaves)]

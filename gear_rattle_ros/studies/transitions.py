@@ -106,14 +106,14 @@ def find_transitions(diagram: Diagram, tolerance: float, hold: int, work: Work
     shown = Work(threads=work.threads, cluster=work.cluster, progress=work.progress)
     store = compute(diagram, shown, f'{here}, columns')
     search = Closely(diagram, store, tolerance, hold)
-    with work.report(f'{here}, searches for events', search.size) as progress:
+    with work.report(f'{here}, searches for events', search.size, uneven=True) as progress:
         events = search.events(progress.add)
     found = [Transition(e.attractor, e.what, e.alpha, e.tolerance, e.key, e.end) for e in events]
     found += search.accumulations()
 
     def each(name: str, items: list[Item], do: Callable[[Item], Found]) -> list[Found]:
         results: dict[int, Found] = {}
-        with work.report(f'{here}, {name}', len(items)) as progress:
+        with work.report(f'{here}, {name}', len(items), uneven=True) as progress:
             def finished(number: int, result: Found) -> None:
                 results[number] = result
                 progress.add(1)
@@ -136,7 +136,8 @@ class Closely(Search):
     def __init__(self, diagram: Diagram, store: Store, tolerance: float, hold: int) -> None:
         super().__init__(diagram, store, tolerance, hold)
         letters = store.read_all('letter')[0]
-        self.letters = {n: max(letters[self._numbers == n]) for n in np.unique(self._numbers)}
+        self.letters = {n: max(letters[self._numbers == n]) 
+                        for n in np.unique(self._numbers[self._numbers >= 0]).tolist()}
 
     def accumulations(self) -> list[Transition]:
         return [Transition(n, 'accumulation', end.alpha, end.uncertainty, chain[0].orbit.key, end)
