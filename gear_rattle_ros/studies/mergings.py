@@ -8,6 +8,7 @@ are rare at first, so their rates are measured beyond and followed to where they
 
 from collections.abc import Callable, Iterator
 import dataclasses
+import functools
 import itertools
 import math
 from typing import Final, TypeAlias
@@ -118,12 +119,10 @@ def find_mergings(inside: Shape, outside: Shape, tolerance: float, hold: int
                   ) -> Iterator[Reshaping]:
     """Find where the pieces of an attractor merge, from more of them to fewer."""
     while outside.pieces < inside.pieces <= MOST:
-        here = inside
-        ends = _narrow(here, outside, lambda p: passages(p, here.state, here.pieces), tolerance,
-                       hold)
-        found = ends and _locate(ends, lambda p: passages(p, here.state, here.pieces),
-                                 abs(outside.alpha - here.alpha), hold,
-                                 1.0 - outside.pieces / here.pieces)
+        watch = functools.partial(passages, state=inside.state, pieces=inside.pieces)
+        ends = _narrow(inside, outside, watch, tolerance, hold)
+        found = ends and _locate(ends, watch, abs(outside.alpha - inside.alpha), hold,
+                                 1.0 - outside.pieces / inside.pieces)
         if found is None:
             return
         yield found
@@ -146,11 +145,8 @@ def find_growth(inside: Shape, outside: Shape, tolerance: float, hold: int) -> R
             inside = middle
         else:
             outside = middle
-    beyond = 0.5 * (inside.edges + outside.edges)[edge]
-
-    def watch(parameters: Parameters) -> Iterator[Lanes]:
-        return bursts(parameters, inside.state, edge, beyond)
-
+    beyond = float(0.5 * (inside.edges + outside.edges)[edge])
+    watch = functools.partial(bursts, state=inside.state, edge=edge, beyond=beyond)
     ends = _narrow(inside, outside, watch, tolerance, hold)
     return ends and _locate(ends, watch, width, hold, 1.0)
 

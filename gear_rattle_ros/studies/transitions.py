@@ -9,8 +9,8 @@ from typing import Any, Final, TypeVar, Unpack
 import numpy as np
 
 from .attractors import identity_of, require_window
-from .bifurcations import DOUBLINGS, Event, Family, Search
-from .cascades import Accumulation, accumulate, FEWEST
+from .bifurcations import DOUBLINGS, Family, Search
+from .cascades import accumulate, Accumulation, FEWEST
 from .continuation import BINS, require_tolerance
 from .diagram import Diagram, KEY
 from .endings import End
@@ -84,6 +84,8 @@ def transitions(parameters: Parameters, windows: tuple[tuple[float, float], ...]
     """
     require_tolerance(tolerance)
     plane, work = plane or Plane(), Work(**options)
+    if work.cluster:
+        raise ValueError('the searches run on this machine; leave out --cluster')
     for window in windows:
         require_window(window)
     diagrams = [Diagram(parameters, window, columns, plane, trajectories, seed,
@@ -103,8 +105,8 @@ def find_transitions(diagram: Diagram, tolerance: float, hold: int, work: Work
                      ) -> tuple[list[Transition], dict[int, str]]:
     """Find the transitions in a window, by attractor and alpha; and letters of attractors."""
     here = f'{NAME} in {diagram.alphas[0]:g} to {diagram.alphas[1]:g}'
-    shown = Work(threads=work.threads, cluster=work.cluster, progress=work.progress)
-    store = compute(diagram, shown, f'{here}, columns')
+    store = compute(diagram, Work(threads=work.threads, progress=work.progress),
+                    f'{here}, columns')
     search = Closely(diagram, store, tolerance, hold)
     with work.report(f'{here}, searches for events', search.size, uneven=True) as progress:
         events = search.events(progress.add)
@@ -136,7 +138,7 @@ class Closely(Search):
     def __init__(self, diagram: Diagram, store: Store, tolerance: float, hold: int) -> None:
         super().__init__(diagram, store, tolerance, hold)
         letters = store.read_all('letter')[0]
-        self.letters = {n: max(letters[self._numbers == n]) 
+        self.letters = {n: max(letters[self._numbers == n])
                         for n in np.unique(self._numbers[self._numbers >= 0]).tolist()}
 
     def accumulations(self) -> list[Transition]:
@@ -237,8 +239,8 @@ def _with_tangency(one: Transition) -> Transition:
 def _layout(diagrams: list[Diagram], tolerance: float) -> Layout:
     first = diagrams[0]
     identity = identity_of(
-        NAME, first.parameters, first.plane, alpha_windows=[list(each.alphas) for each in diagrams],
-        columns=first.columns, trajectories=first.trajectories, seed=first.seed,
+        NAME, first.parameters, first.plane,
+        alpha_windows=[list(each.alphas) for each in diagrams], columns=first.columns, trajectories=first.trajectories, seed=first.seed,
         initial_velocity_window=list(first.plane.velocity), hold=first.window.hold,
         impacts_counted=first.window.keep, located_within=tolerance)
     del identity['alpha'], identity['velocity_window']

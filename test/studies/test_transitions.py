@@ -74,7 +74,8 @@ def test_b_bursts_beyond_its_edge_once_it_has_grown():
 
 
 def test_no_growth_is_found_where_an_attractor_changes_smoothly():
-    inside, outside = (shape_at(Parameters(alpha=alpha), on_b(alpha)) for alpha in (0.5665, 0.5670))
+    inside, outside = (shape_at(Parameters(alpha=alpha), on_b(alpha))
+                       for alpha in (0.5665, 0.5670))
     assert find_growth(inside, outside, 1e-6, 2000) is None
 
 
@@ -159,7 +160,7 @@ def test_every_transition_of_figure_2_is_where_another_program_counts_it(tmp_pat
 
 @pytest.mark.parametrize(('words', 'named'), [
     (['--alpha', '0.6', '0.5'], 'alpha window'), (['--tolerance', '0'], '--tolerance'),
-    (['--columns', '1'], 'from 2 on')])
+    (['--columns', '1'], 'from 2 on'), (['--cluster', 'tcp://127.0.0.1:1'], '--cluster')])
 def test_bad_input_is_refused_in_one_line(words, named, capsys, tmp_path):
     try:
         status = main([*words, '--output', str(tmp_path / 't.zarr')])
