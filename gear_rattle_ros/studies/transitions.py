@@ -239,10 +239,10 @@ def _with_tangency(one: Transition) -> Transition:
 def _layout(diagrams: list[Diagram], tolerance: float) -> Layout:
     first = diagrams[0]
     identity = identity_of(
-        NAME, first.parameters, first.plane,
-        alpha_windows=[list(each.alphas) for each in diagrams], columns=first.columns, trajectories=first.trajectories, seed=first.seed,
-        initial_velocity_window=list(first.plane.velocity), hold=first.window.hold,
-        impacts_counted=first.window.keep, located_within=tolerance)
+        NAME, first.parameters, first.plane, columns=first.columns,
+        alpha_windows=[list(each.alphas) for each in diagrams], trajectories=first.trajectories,
+        seed=first.seed, initial_velocity_window=list(first.plane.velocity),
+        hold=first.window.hold, impacts_counted=first.window.keep, located_within=tolerance)
     del identity['alpha'], identity['velocity_window']
     return Layout(
         (Axis('window', np.arange(len(diagrams)), named('number of the window', None), 1),
