@@ -101,7 +101,7 @@ def _fit(a: FloatArray, k: FloatArray, e: FloatArray) -> LifetimeLaw:
 
 def _law(x: FloatArray, a: FloatArray, k: FloatArray,
          weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    first = math.exp(min(float(x[2]), 50.0))
+    first = math.exp(min(max(float(x[2]), -600.0), 50.0))
     beyond = np.log(a - a[0] + first)
     residual = (x[0] + x[1] * beyond - np.log(k)) * weight
     slope = np.stack([np.ones(len(a)), beyond, x[1] * first / (a - a[0] + first)], axis=1)

@@ -240,9 +240,10 @@ def _layout(diagrams: list[Diagram], tolerance: float) -> Layout:
     first = diagrams[0]
     identity = identity_of(
         NAME, first.parameters, first.plane, columns=first.columns,
-        alpha_windows=[list(each.alphas) for each in diagrams], trajectories=first.trajectories,
-        seed=first.seed, initial_velocity_window=list(first.plane.velocity),
-        hold=first.window.hold, impacts_counted=first.window.keep, located_within=tolerance)
+        alpha_windows=[edge for each in diagrams for edge in each.alphas],
+        trajectories=first.trajectories, seed=first.seed,
+        initial_velocity_window=list(first.plane.velocity), hold=first.window.hold,
+        impacts_counted=first.window.keep, located_within=tolerance)
     del identity['alpha'], identity['velocity_window']
     return Layout(
         (Axis('window', np.arange(len(diagrams)), named('number of the window', None), 1),
@@ -297,8 +298,7 @@ def _arrays(found: list[Transition], letters: dict[int, str]) -> dict[str, Any]:
 def describe(dataset: Arrays) -> str:
     """List the transitions, window by window."""
     parts = []
-    windows = dataset.attrs['alpha_windows']
-    for number, (low, high) in enumerate(windows):
+    for number, (low, high) in enumerate(np.reshape(dataset.attrs['alpha_windows'], (-1, 2))):
         columns = {name: dataset[name].values[number] for name, *_ in COLUMNS}
         rows = [_row({name: values[k] for name, values in columns.items()})
                 for k in np.flatnonzero(columns['attractor'] >= 0)]

@@ -56,23 +56,25 @@ def seen(watch, count):
 
 
 @pytest.mark.parametrize(('pieces', 'before', 'beyond'), [
-    (4, 0.5660, 0.5661), (2, 0.5674, 0.5676)])
+    (2, 0.5674, 0.5676), pytest.param(4, 0.5660, 0.5661, marks=pytest.mark.long)])
 def test_pieces_are_visited_in_turn_until_they_merge(pieces, before, beyond):
     """Counted on one wall by another program, they merge at 0.56604 and 0.56749."""
     for alpha, merged in ((before, False), (beyond, True)):
         parameters, state = Parameters(alpha=alpha), on_b(alpha)
-        assert shape_at(parameters, state).pieces == (pieces // 2 if merged else pieces)
+        shape = shape_at(parameters, state)
+        assert shape.pieces == (pieces // 2 if merged else pieces)
+        # As another program has it, the least upper velocity.
+        assert pieces > 2 or shape.edges[0] == pytest.approx(0.8836 if merged else 0.8907,
+                                                             abs=2e-4)
         assert (seen(passages(parameters, state, pieces), 4) > 20) == merged
 
 
 def test_b_bursts_beyond_its_edge_once_it_has_grown():
-    """Its least upper velocity is 0.8907 before 0.56749 and 0.8836 beyond."""
-    for alpha, edge in ((0.5674, 0.8907), (0.5676, 0.8836)):
-        parameters, state = Parameters(alpha=alpha), on_b(alpha)
-        assert shape_at(parameters, state).edges[0] == pytest.approx(edge, abs=2e-4)
-        assert (seen(bursts(parameters, state, 0, 0.888), 4) > 0) == (edge < 0.888)
+    for alpha, grown in ((0.5674, False), (0.5676, True)):
+        assert (seen(bursts(Parameters(alpha=alpha), on_b(alpha), 0, 0.888), 3) > 0) == grown
 
 
+@pytest.mark.long
 def test_no_growth_is_found_where_an_attractor_changes_smoothly():
     inside, outside = (shape_at(Parameters(alpha=alpha), on_b(alpha))
                        for alpha in (0.5665, 0.5670))
