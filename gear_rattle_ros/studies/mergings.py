@@ -262,7 +262,8 @@ def _locate(ends: tuple[Shape, float], watch: Watch, width: float, hold: int, li
     far = distance_of(rate, high, width, shortest)
     beyond, uncertainty = locate(rate, high, far, width, hold)
     outside = shape_at(_at(inside, inside.alpha + direction * max(far, 4.0 * high)), inside.state)
-    return outside and Reshaping(inside.alpha + direction * beyond, uncertainty, inside, outside)
+    return None if outside is None else Reshaping(
+        inside.alpha + direction * beyond, uncertainty, inside, outside)
 
 
 def _at(shape: Shape, alpha: float) -> Parameters:

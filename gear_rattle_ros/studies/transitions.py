@@ -42,7 +42,8 @@ JOINED: Final = 0.5
 EIGHT: Final = 3
 # What is looked for by a second method.
 OF_CHAOS: Final = ('merging', 'growth', 'crisis', 'interior crisis')
-Item, Found = TypeVar('Item'), TypeVar('Found')
+Item = TypeVar('Item')
+Found = TypeVar('Found')
 
 
 @dataclasses.dataclass(frozen=True)
