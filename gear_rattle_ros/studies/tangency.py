@@ -219,16 +219,13 @@ def find_contact(parameters: Parameters, states: RecordArray, inside: float, out
                         key=lambda one: least_share(before, one) >= VISITED)[:TRIED]:
         try:
             meets = saddle_of(carry(orbit, inside))
-            through = [Contact(source, meets) for source in _sides(leaves)]
-            through = [one for one in through if one.begins(inside, outside)]
-            if not through:
-                continue
             # On the boundary lies the saddle whose own manifold leads into the attractor; what
             # has passed it crosses the manifolds of others, too.
             for own in _sides(meets):
                 if Contact(own, meets).begins(inside, outside):
                     return Contact(own, meets)
-            others += through
+            others += [one for one in (Contact(source, meets) for source in _sides(leaves))
+                       if not others and one.begins(inside, outside)]
         except ValueError:
             continue
     return others[0] if others else None

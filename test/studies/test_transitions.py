@@ -139,6 +139,20 @@ def test_births_and_doublings_are_in_the_table_of_both_windows(tmp_path, capsys)
 
 
 @pytest.mark.long
+def test_the_growth_at_which_two_pieces_merge_is_that_of_another_orbit():
+    """The orbit that doubled has been crossed before; B collides with one of twelve impacts."""
+    alpha = 0.567489627
+    near = shape_at(Parameters(alpha=alpha - 1e-6), on_b(alpha - 1e-6))
+    tangency = touch(Reshaping(alpha, 5.8e-8, near, shape_at(
+        Parameters(alpha=alpha + 1e-6), near.state)))
+    assert tangency.contact.target.orbit.impacts == 12 and tangency.contact.is_homoclinic
+    assert tangency.alpha == pytest.approx(0.5674896, abs=1e-7)
+    for side, merged in ((-2e-7, False), (2e-6, True)):
+        there = Parameters(alpha=tangency.alpha + side)
+        assert (seen(passages(there, near.state, 2), 20) > 0) == merged
+
+
+@pytest.mark.long
 def test_every_transition_of_figure_2_is_where_another_program_counts_it(tmp_path):
     rows = table(tmp_path, '--alpha 0.47 0.60 --trajectories 128')
     merge = {(int(row['pieces']), int(row['pieces_left'])): row for row in rows
