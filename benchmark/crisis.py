@@ -23,8 +23,8 @@ from gear_rattle_ros.core.flight.lanes import new_tiles
 from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.orbit import Orbit
-from gear_rattle_ros.studies.crisis import find_ending, radius_of, touch
-from gear_rattle_ros.studies.tangency import carry, Contact, Tangency
+from gear_rattle_ros.studies.crisis import find_ending, radius_of
+from gear_rattle_ros.studies.tangency import carry, Contact, Tangency, touch
 
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9
 LOW, HIGH = 1.24, 1.25

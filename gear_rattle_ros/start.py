@@ -21,7 +21,8 @@ EXECUTABLES = {
     **{name: f'nodes.{name}.node' for name in ('recorder', 'replay', 'suite', 'teleop', 'viewer')},
     **{name: f'cli.{name}' for name in (
         'attractors', 'basins', 'continuation', 'crisis', 'draw', 'exponents', 'figures',
-        'lifetimes', 'motion', 'orbit_diagram', 'recover', 'section', 'summary', 'verify')}}
+        'lifetimes', 'motion', 'orbit_diagram', 'recover', 'section', 'summary',
+        'transitions', 'verify')}}
 
 # Variables that libraries read while they are imported. Rerun would warn of a file without an
 # index, which the viewer adds at the end.

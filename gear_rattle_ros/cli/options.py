@@ -55,11 +55,12 @@ def add(group: Any, name: str, read: Callable[[str], Any], standard: Any, words:
         **({'nargs': 2, 'metavar': tuple(letters)} if len(values) == 2 else {'metavar': single}))
 
 
-def add_model(parser: Parser, alpha: float | tuple[float, float] = defaults.ALPHA,
+def add_model(parser: Parser, alpha: float | tuple[float, float] | None = defaults.ALPHA,
               words: str = 'amplitude of the drive') -> None:
-    """Add the options of the model; a tuple is a window of amplitudes."""
+    """Add the options of the model; a tuple is a window of amplitudes; none leaves them out."""
     group = parser.add_argument_group('model')
-    add(group, 'alpha', number, alpha, f'{words} [1]')
+    if alpha is not None:
+        add(group, 'alpha', number, alpha, f'{words} [1]')
     add(group, 'beta', number, defaults.BETA, 'damping [1]')
     add(group, 'gamma', number, defaults.GAMMA, 'constant load [1]')
     add(group, 'restitution', number, defaults.RESTITUTION, 'coefficient of restitution [1]')
@@ -114,9 +115,11 @@ def hold_of(given: argparse.Namespace) -> dict[str, int]:
 
 
 def model_of(given: argparse.Namespace) -> 'Parameters':
-    """Read the parameters of the model; of a window of alpha the higher end is taken."""
+    """Read the parameters of the model; of windows of alpha the highest end is taken."""
     from ..core.model import Parameters
-    alpha = given.alpha if isinstance(given.alpha, float) else max(given.alpha)
+    alpha = given.alpha
+    while not isinstance(alpha, float):
+        alpha = max(alpha)
     return Parameters(alpha, given.beta, given.gamma, given.restitution)
 
 

@@ -38,18 +38,23 @@ class Command:
     keywords: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
     # The study is run for each.
     planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
+    has_picture: bool = True
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:
         words = sys.argv[1:] if arguments is None else list(arguments)
         parser = Parser(self.name, description=self.description)
         self.add_options(parser)
         _add_run(parser)
+        if self.has_picture:
+            add_picture(parser)
+            add_views(parser)
         given = parser.parse_args(words)
         command = shlex.join(['ros2', 'run', PACKAGE, self.name, *words])
         return attempt(self.name, lambda: self._run(given, command))
 
     def _run(self, given: argparse.Namespace, command: str) -> int:
-        require_picture(given.picture)
+        drawn = getattr(given, 'picture', None)
+        require_picture(drawn)
         path = output = given.output or Path(self.output.format_map(vars(given)))
         try:
             from .compilation import reporting_compilation
@@ -58,8 +63,7 @@ class Command:
                 for level, plane in enumerate(planes):
                     number = f'-{level}' if len(planes) > 1 else ''
                     path = output.with_name(f'{output.stem}{number}{output.suffix}')
-                    picture = given.picture and given.picture.with_name(
-                        f'{given.picture.stem}{number}{given.picture.suffix}')
+                    picture = drawn and drawn.with_name(f'{drawn.stem}{number}{drawn.suffix}')
                     self._study(given, plane, path, picture, command)
             return 0
         except KeyboardInterrupt:
@@ -96,8 +100,6 @@ def _add_run(parser: Parser) -> None:
                        help='run the tiles on a Dask cluster, such as tcp://host:8786')
     group.add_argument('--threads', type=whole(1), metavar='N',
                        help='threads here; one for each processor by default')
-    add_picture(parser)
-    add_views(parser)
 
 
 def add_picture(parser: Parser) -> None:

@@ -21,7 +21,9 @@ FIELDS: Final = ('figure', 'title', 'paper', 'agrees', 'ours', 'command')
 AGREES: Final = {'yes': 'Agrees', 'partly': 'Partly', 'no': 'Disagrees', 'ours': 'New'}
 # Tools that a recipe may run.
 TOOLS: Final = ('basins', 'continuation', 'crisis', 'lifetimes', 'motion', 'orbit_diagram',
-                'section')
+                'section', 'transitions')
+# Of these, the tools whose result is a table alone.
+TABLES: Final = ('transitions',)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +59,11 @@ class Recipe:
         """Return the pictures, without an ending, and the options of their looks."""
         name = f'figure-{self.figure}'
         paper = {f'{name}-paper': ('--colours', 'paper')} if self.agrees != 'ours' else {}
-        return {} if self.drawing else paper | {name: ()}
+        return {} if self.drawing or self.is_table else paper | {name: ()}
+
+    @property
+    def is_table(self) -> bool:
+        return self.command[0] in TABLES
 
     def views(self, folder: Path) -> tuple[str, ...]:
         """Return the options of what the pictures show, with the datasets below a folder."""
@@ -66,7 +72,8 @@ class Recipe:
     @property
     def files(self) -> list[str]:
         """Return the files of the page."""
-        return [f'{name}.png' for name in self.pictures] or list(self.command)
+        drawing = [self.command[0]] if self.drawing else []
+        return [f'{name}.png' for name in self.pictures] or drawing
 
     def data(self, folder: Path, ending: str) -> Path:
         """Return the file of the store, .zarr, or of what was printed, .json."""
@@ -143,7 +150,8 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
 def _part(recipe: Recipe, folder: Path, place: str) -> str:
     # What the page says of a figure, in Markdown, with the pictures at a place.
     record = json.loads(recipe.data(folder, '.json').read_text(encoding='utf-8'))
-    name = f'Figure {recipe.figure}' if recipe.figure[0].isdigit() else 'Beyond the paper'
+    name = (f'Figure {recipe.figure}' if recipe.figure[0].isdigit()
+            else 'Text of the paper' if recipe.paper else 'Beyond the paper')
     images = [f'![{recipe.title}]({place}{file})' for file in recipe.files]
     lines = [f'## {name}: {recipe.title}', '', *(images if len(images) < 2 else [
         '| in the looks of the paper | with what is found here |', '|---|---|',
@@ -154,8 +162,8 @@ def _part(recipe: Recipe, folder: Path, place: str) -> str:
             lines += [*textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False), '']
     if not recipe.drawing:
         lines += ['```sh', ' \\\n'.join(textwrap.wrap(shlex.join(
-            [*recipe.command, *recipe.views(Path('figures')), '--picture',
-             f'figure-{recipe.figure}.png']), 95,
+            [*recipe.command, *recipe.views(Path('figures')), *(
+                () if recipe.is_table else ('--picture', f'figure-{recipe.figure}.png'))]), 95,
             break_on_hyphens=False, subsequent_indent='    ')), '```', '', '```text', *(
                 line.rstrip() for line in record['printed'].strip('\n').splitlines()
                 if f'{folder}/' not in line), '```', '']

@@ -49,6 +49,7 @@ class Event:
     alpha: float
     tolerance: float  # how well alpha is located [1]
     captor: Captor  # what changes, or on what trajectories then settle
+    end: End | None = None  # of chaos, as it was seen
 
     @property
     def orbit(self) -> Orbit | None:
@@ -122,7 +123,8 @@ class Search:
         self._numbers, self._kinds, self._keys, self._states, self._periods = (
             store.read_all(name)[diagram.sweeps.index('random')] for name in (
                 'attractor', 'kind', 'key', 'member_state', 'period_impacts'))
-        self._runs = list(self._runs_of_chaos())
+        # What is seen over fewer columns may end where another does that it has become.
+        self._runs = sorted(self._runs_of_chaos(), key=lambda run: -len(run[1]))
         self._families: list[Family] = []
         self._ends: list[tuple[int, End]] = []
         self._followed: set[Cell] = set()
@@ -155,7 +157,7 @@ class Search:
                 state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
                 self._follow_chaos(n, parameters, state, direction,
                                    self._diagram.alphas[int(direction > 0.0)])
-        events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor)
+        events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor, end)
                   for n, end in self._ends]
         events += self._not_located()
         for family in self._families:

@@ -40,17 +40,22 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         Accuracy of the ends of chaotic attractors, in alpha [1].
 
     """
-    if not 1e-12 <= tolerance <= 1e-2:
-        raise ValueError(f'--tolerance {tolerance:g} is not between 1e-12 and 1e-2')
+    require_tolerance(tolerance)
     work = Work(**options)
     diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
                       Window(keep, bins=BINS, hold=hold), ('random',))
     store = compute(diagram, work, NAME)
     search = Search(diagram, store, tolerance, hold)
-    with work.report('continuation, searches for events', search.size) as progress:
+    with work.report('continuation, searches for events', search.size, uneven=True) as progress:
         events = search.events(progress.add)
     write_events(store, events)
     return store
+
+
+def require_tolerance(tolerance: float) -> None:
+    """Refuse a tolerance in alpha outside 1e-12 to 1e-2 with a ValueError."""
+    if not 1e-12 <= tolerance <= 1e-2:
+        raise ValueError(f'--tolerance {tolerance:g} is not between 1e-12 and 1e-2')
 
 
 def describe(dataset: Arrays) -> str:

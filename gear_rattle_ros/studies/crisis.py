@@ -16,7 +16,7 @@ from .attractors import require_window
 from .endings import Captor, End, find_end, Herd, spread_out, watch
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
-from .tangency import birth_of, carry, find_contact, find_tangency, SEARCHES, Tangency
+from .tangency import birth_of, carry, SEARCHES, Tangency, touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
@@ -38,8 +38,6 @@ HOLD: Final = 20_000
 SOUGHT: Final = 256
 STEPS: Final = 16
 TOLERANCE: Final = 1e-6
-# The manifolds are compared this far from the end, in its uncertainty, and farther if need be.
-ASIDE: Final = (20.0, 100.0)
 # Before the crisis nothing escapes; trajectories are watched over this number of impacts.
 BEFORE: Final = 100_000
 # A trajectory is captured this near to an orbit, or a tenth of the way to the saddle [rad, 1].
@@ -79,8 +77,9 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.24, 1.25),
     require_window(alphas)
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')
-    with work.report('crisis, searches of the manifold', SEARCHES) as progress:
-        key, end, captor = find_ending(parameters, alphas, plane, attractor, seed)
+    key, end, captor = find_ending(parameters, alphas, plane, attractor, seed)
+    # The search begins with many saddles, of which it is not known how many there are.
+    with work.report('crisis, searches of the manifold', SEARCHES, uneven=True) as progress:
         tangency = touch(end, progress.add)
     places = amplitudes(tangency.alpha, end.direction, *beyond, rates)
     store = compute(Escapes(
@@ -117,18 +116,6 @@ def find_ending(parameters: Parameters, alphas: tuple[float, float], plane: Plan
     raise ValueError(
         f'no crisis of {key or "a chaotic attractor"} between alpha = {alphas[0]:g} and '
         f'{alphas[1]:g}; chaotic there: {", ".join(seen) or "nothing"}; give another --alpha')
-
-
-def touch(end: End, searched: Any) -> Tangency:
-    """Find the tangency at which an attractor ends; ValueError where no manifolds touch there."""
-    for aside in ASIDE:
-        inside, outside = (end.alpha + side * end.direction * aside * end.uncertainty
-                           for side in (-1.0, 1.0))
-        contact = find_contact(end.last, inside, outside)
-        if contact is not None:
-            return find_tangency(contact, inside, outside, searched)
-    raise ValueError(f'no manifold touches that of a saddle near alpha = {end.alpha:.7f}, where '
-                     'trajectories begin to escape; give another bracket')
 
 
 def attributes_of(tangency: Tangency) -> dict[str, Any]:

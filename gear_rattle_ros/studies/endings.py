@@ -1,6 +1,6 @@
 """Where a chaotic attractor ends: it is followed in small steps of alpha, with its own states."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import dataclasses
 import math
 from typing import Final, TypeAlias
@@ -85,6 +85,14 @@ class End:
     captor: Captor  # what trajectories settle on: of a window where it is born, else beyond
     last: Herd  # that did not escape
     direction: float = 1.0  # in which alpha went, +1 or -1
+
+    @property
+    def parameters(self) -> Parameters:
+        return self.last.parameters
+
+    @property
+    def states(self) -> RecordArray:
+        return self.last.states
 
 
 def spread_out(parameters: Parameters, state: FloatArray) -> RecordArray:
@@ -195,7 +203,6 @@ def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | Non
 
 def _crisis(herd: Herd, direction: float, step: float, captor: Captor, hold: int, width: float
             ) -> End:
-    # Long lifetimes hide the place itself; the law by which they shorten beyond it gives it.
     low, high = herd.parameters.alpha, 2.0 * step
     shortest = max(SHORTEST * hold, 2.0 * ROUND)
 
@@ -203,13 +210,36 @@ def _crisis(herd: Herd, direction: float, step: float, captor: Captor, hold: int
         return time_escapes(_at(herd, low + direction * distance), herd, wanted,
                             2.0 * wanted * SPAN * shortest)
 
+    far = distance_of(rate, high, width, shortest)
+    kind = 'interior crisis' if captor is None and returns(
+        _at(herd, low + direction * far), herd, hold) else 'crisis'
+    beyond, uncertainty = locate(rate, high, far, width, hold)
+    return End(kind, low + direction * beyond, uncertainty, captor, herd, direction)
+
+
+# The rate at a distance, measured until there are so many events.
+Rate: TypeAlias = Callable[[float, int], EscapeRate]
+
+
+def distance_of(rate: Rate, high: float, width: float, shortest: float) -> float:
+    """Find a distance between two at which the mean time is short, seen by doubling the first."""
     distance = high
     while distance < width and rate(distance, ROUNDS).mean > shortest:
         distance *= 2.0
-    kind = 'interior crisis' if captor is None and returns(
-        _at(herd, low + direction * distance), herd, hold) else 'crisis'
+    return distance
+
+
+def locate(rate: Rate, high: float, far: float, width: float, hold: int) -> tuple[float, float]:
+    """
+    Find where a rate begins, and how far off that can be, both as distances.
+
+    Nothing was seen at 0 while `LANES` trajectories made `hold` impacts each; something at `high`.
+    The rate is measured from `far` on inwards.
+    """
+    # Long lifetimes hide the place itself; the law by which they shorten beyond it gives it.
+    shortest = max(SHORTEST * hold, 2.0 * ROUND)
     seen: list[tuple[float, EscapeRate]] = []
-    mean = 0.0
+    distance, mean = far, 0.0
     while distance >= high and mean < SPAN * shortest:
         timed = rate(distance, ESCAPES)
         mean = timed.mean
@@ -223,12 +253,14 @@ def _crisis(herd: Herd, direction: float, step: float, captor: Captor, hold: int
         if share < 1.0:
             hidden = min(hidden, d * share / (1.0 - share))
     beyond, uncertainty = 0.5 * (high - hidden), 0.5 * (high + hidden)
-    if len(seen) >= FITTED:
-        law = fit_law(*zip(*((d, k.rate, k.error) for d, k in seen), strict=True))
+    # What is faster than a round is not timed.
+    timed_well = [(d, k.rate, k.error) for d, k in seen if k.mean > ROUND]
+    if len(timed_well) >= FITTED:
+        law = fit_law(*zip(*timed_well, strict=True))
         if law.alpha_c_error < uncertainty:
             beyond = min(max(law.alpha_c, -hidden), high)
-            uncertainty = max(law.alpha_c_error, step, abs(law.alpha_c - beyond))
-    return End(kind, low + direction * beyond, uncertainty, captor, herd, direction)
+            uncertainty = max(law.alpha_c_error, 0.5 * high, abs(law.alpha_c - beyond))
+    return beyond, uncertainty
 
 
 def returns(parameters: Parameters, herd: Herd, hold: int) -> bool:

@@ -79,7 +79,9 @@ def _fit(a: FloatArray, k: FloatArray, e: FloatArray) -> LifetimeLaw:
     best = float(np.sum(residual**2))
     for _ in range(ITERATIONS):
         normal = slope.T @ slope
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -slope.T @ residual)
+        # Rates that do not depend on alpha leave its place undetermined.
+        step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), -slope.T @ residual,
+                               rcond=None)[0]
         trial, trial_slope = _law(x + step, a, k, weight)
         if float(np.sum(trial**2)) <= best:
             best, x, damping = float(np.sum(trial**2)), x + step, max(0.3 * damping, 1e-12)
@@ -99,7 +101,7 @@ def _fit(a: FloatArray, k: FloatArray, e: FloatArray) -> LifetimeLaw:
 
 def _law(x: FloatArray, a: FloatArray, k: FloatArray,
          weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    first = math.exp(min(float(x[2]), 50.0))
+    first = math.exp(min(max(float(x[2]), -600.0), 50.0))
     beyond = np.log(a - a[0] + first)
     residual = (x[0] + x[1] * beyond - np.log(k)) * weight
     slope = np.stack([np.ones(len(a)), beyond, x[1] * first / (a - a[0] + first)], axis=1)

@@ -13,9 +13,12 @@ class Progress:
     """Progress with rate and time left; it ends with its context."""
 
     # On a terminal it is one line that is overwritten, elsewhere a line now and then.
-    def __init__(self, name: str, total: int, stream: TextIO, quiet: bool = False) -> None:
+    def __init__(self, name: str, total: int, stream: TextIO, quiet: bool = False,
+                 uneven: bool = False) -> None:
         self._every = math.inf if quiet else ON_TERMINAL if stream.isatty() else ELSEWHERE
         self._name = name
+        # What is counted takes so different a time that none can be foreseen.
+        self._uneven = uneven
         self._total = total
         self._stream = stream
         self._terminal = stream.isatty()
@@ -55,7 +58,7 @@ class Progress:
         line = f'{self._name}: {self._done:,} of {self._total:,}'
         if self._impacts:
             line += f', {self._impacts / seconds / 1e6:.1f} million impacts/s'
-        line += f', {in_words(left)} left' if fresh else ''
+        line += f', {in_words(left)} left' if fresh and not self._uneven else ''
         self._stream.write(f'\r{line}\x1b[K' if self._terminal else line + '\n')
         self._stream.flush()
 

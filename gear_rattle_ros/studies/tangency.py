@@ -3,12 +3,17 @@
 from collections.abc import Callable, Iterator
 import dataclasses
 import math
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
-from .endings import Herd
 from ..attractors.plane import at_parameters
 from ..core.arrays import RecordArray
-from ..core.many.chaotic_sets import enough_of, orbits_in, shortest_orbit
+from ..core.many.chaotic_sets import (
+    enough_of,
+    least_share,
+    orbits_in,
+    shortest_orbit,
+    VISITED,
+)
 from ..core.many.recorded import record_impacts
 from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow, Turn
@@ -23,7 +28,7 @@ from ..core.orbits.manifolds import (
 from ..core.orbits.orbit import close_orbit, Orbit
 from ..core.words import counted
 
-# The distance is taken to be smooth in alpha where it is below this [1].
+# The distance is taken to be smooth in alpha where it is below this, times the reach [1].
 SMOOTH: Final = 0.2 * ACROSS / 25.0
 # Each step towards the root is shorter than the last at least by this factor.
 CONVERGES: Final = 0.7
@@ -38,9 +43,19 @@ SEARCHES: Final = 60 + SHIFTS
 # Impacts of each trajectory that are searched for orbits, and the longest of these.
 SEARCHED: Final = 16_384
 LONGEST: Final = 16
+# Saddles that are tried.
+TRIED: Final = 60
+# The manifolds are compared this far from where a crisis was seen, in its uncertainty, and farther
+# if need be.
+ASIDE: Final = (20.0, 100.0)
 # Samples of a manifold, their impacts and the maxima that are refined; samples at the end.
-SCREEN: Final[Any] = {'samples': 3000, 'impacts': 120, 'candidates': 6}
+SCREEN: Final[Any] = {'samples': 3000, 'candidates': 6}
 FINE: Final = 20_000
+# Impacts over which a manifold is followed: these, or this number of periods of the target.
+FOLLOWED: Final = 120
+PERIODS: Final = 24
+# Beside an orbit at which pieces merge, what is not on the manifold soon vanishes.
+SEED_OF_PIECES: Final = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,12 +64,18 @@ class Contact:
 
     source: Saddle  # in the attractor, or the same as the target
     target: Saddle  # with which the attractor collides
+    # Where pieces merge, what crosses comes from the piece at one side of the target: after
+    # impacts that leave this residue when divided by its period. Otherwise -1.
+    residue: int = -1
+    reach: float = 1.0  # how near is near, in parts of what it is by default
+    seed: float = SEED_DISTANCE  # where the unstable manifold begins [1]
 
     def at(self, alpha: float) -> 'Contact':
         """Carry both to another alpha; ValueError where one ends on the way."""
         target = saddle_of(carry(self.target.orbit, alpha), self.target.unstable)
         orbit = target.orbit if self.is_homoclinic else carry(self.source.orbit, alpha)
-        return Contact(saddle_of(orbit, self.source.unstable), target)
+        return dataclasses.replace(self, source=saddle_of(orbit, self.source.unstable),
+                                   target=target)
 
     def edge(self, alpha: float, sides: tuple[bool, ...] = (False, True), **how: Any
              ) -> tuple[Edge, bool]:
@@ -63,10 +84,13 @@ class Contact:
 
         They cross where there are returns on both sides, so the lesser edge counts.
         """
-        here = self.at(alpha)
+        here, impacts = self.at(alpha), FOLLOWED
+        if self.residue >= 0:
+            sides, impacts = (False,), max(FOLLOWED, PERIODS * self.target.impacts)
         return min(((find_edge(here.source, here.target.other_side if side else here.target,
-                               **how), side) for side in sides),
-                   key=lambda found: found[0].distance)
+                               impacts=impacts, residue=self.residue, reach=self.reach,
+                               **{'seed': self.seed, **how}), side)
+                    for side in sides), key=lambda found: found[0].distance)
 
     def begins(self, inside: float, outside: float) -> bool:
         """Whether the manifolds cross at one alpha and not at another."""
@@ -123,33 +147,85 @@ def birth_of(orbit: Orbit) -> Turn | None:
     return None
 
 
-def find_contact(herd: Herd, inside: float, outside: float) -> Contact | None:
+class Seen(Protocol):
+    """A crisis of a chaotic attractor, as its trajectories show it."""
+
+    @property
+    def parameters(self) -> Parameters: ...
+
+    @property
+    def states(self) -> RecordArray: ...  # on the attractor at these parameters, before it
+
+    @property
+    def alpha(self) -> float: ...
+
+    @property
+    def uncertainty(self) -> float: ...
+
+    @property
+    def direction(self) -> float: ...  # in which alpha goes beyond it, +1 or -1
+
+
+def touch(seen: Seen, searched: Callable[[int], None] = lambda count: None,
+          merging: Orbit | None = None) -> Tangency:
+    """
+    Find the tangency at a crisis; ValueError where no manifolds touch there.
+
+    Pieces merge at the orbit `merging` if its own manifolds touch, otherwise at another.
+    """
+    for aside in ASIDE:
+        inside, outside = (seen.alpha + side * seen.direction * aside * seen.uncertainty
+                           for side in (-1.0, 1.0))
+        contact = merging and merging_at(merging, inside, outside) or find_contact(
+            seen.parameters, seen.states, inside, outside)
+        if contact is not None:
+            return find_tangency(contact, inside, outside, searched)
+    raise ValueError(f'no manifold touches that of a saddle near alpha = {seen.alpha:.7f}, where '
+                     'trajectories begin to escape; give another bracket')
+
+
+def merging_at(orbit: Orbit, inside: float, outside: float) -> Contact | None:
+    """
+    Return how pieces merge at an orbit that has doubled, if they do so between two alphas.
+
+    They lie on both sides of it, and merge where its unstable manifold, on one side, first crosses
+    the stable one to the other side.
+    """
+    try:
+        target = saddle_of(carry(orbit, inside))
+        contact = Contact(target, target.other_side, 0, 1.0, SEED_OF_PIECES)
+        return contact if contact.begins(inside, outside) else None
+    except ValueError:
+        return None
+
+
+def find_contact(parameters: Parameters, states: RecordArray, inside: float, outside: float
+                 ) -> Contact | None:
     """
     Find with which orbit an attractor collides between an alpha where it is and one beyond.
 
     Candidates are the saddles that trajectories visit beyond and not before. None where no
     manifold begins to cross that of one of them.
     """
-    within, beyond = (dataclasses.replace(herd.parameters, alpha=alpha)
-                      for alpha in (inside, outside))
-    named = shortest_orbit(within, enough_of(within, _impacts(within, herd.states)))
+    within, beyond = (dataclasses.replace(parameters, alpha=alpha) for alpha in (inside, outside))
+    before = enough_of(within, _impacts(within, states))
+    named = shortest_orbit(within, before)
     if named is None:
         return None
     leaves = saddle_of(named)
     others: list[Contact] = []
-    for orbit in _saddles(beyond, _impacts(beyond, herd.states)):
+    # Shortest first of those that are not in the attractor.
+    for orbit in sorted(_saddles(beyond, _impacts(beyond, states)),
+                        key=lambda one: least_share(before, one) >= VISITED)[:TRIED]:
         try:
             meets = saddle_of(carry(orbit, inside))
-            through = [Contact(source, meets) for source in _sides(leaves)]
-            through = [one for one in through if one.begins(inside, outside)]
-            if not through:
-                continue
             # On the boundary lies the saddle whose own manifold leads into the attractor; what
             # has passed it crosses the manifolds of others, too.
             for own in _sides(meets):
                 if Contact(own, meets).begins(inside, outside):
                     return Contact(own, meets)
-            others += through
+            others += [one for one in (Contact(source, meets) for source in _sides(leaves))
+                       if not others and one.begins(inside, outside)]
         except ValueError:
             continue
     return others[0] if others else None
@@ -187,7 +263,7 @@ def find_tangency(contact: Contact, inside: float, outside: float,
         return contact.edge(alpha, sides or (False, True), **{**SCREEN, **how})
 
     (below, side), (above, _) = look(inside), look(outside)
-    while abs(below.distance) > SMOOTH or abs(above.distance) > SMOOTH:
+    while max(abs(below.distance), abs(above.distance)) > SMOOTH * contact.reach:
         if abs(outside - inside) < JUMP:
             alpha = 0.5 * (inside + outside)
             return Tangency(alpha, abs(outside - inside), contact.at(alpha), above)
@@ -198,7 +274,7 @@ def find_tangency(contact: Contact, inside: float, outside: float,
         else:
             outside, above = middle, edge
     roots, slope = [], (above.distance - below.distance) / (outside - inside)
-    for seed in (SEED_DISTANCE, 3.0 * SEED_DISTANCE):
+    for seed in (contact.seed, 3.0 * contact.seed):
         alpha, edge = inside, look(inside, side, seed=seed)[0]
         step = outside - inside
         while True:

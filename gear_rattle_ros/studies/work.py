@@ -77,10 +77,10 @@ class Work:
         return make_store(None if self.store is None else Path(self.store), layout, self.command,
                           resume=self.resume)
 
-    def report(self, name: str, total: int) -> Progress:
+    def report(self, name: str, total: int, *, uneven: bool = False) -> Progress:
         """Begin to report progress; `total` counts initial conditions or the like."""
         reports = sys.stderr.isatty() if self.progress is None else self.progress
-        return Progress(name, total, sys.stderr, quiet=not reports)
+        return Progress(name, total, sys.stderr, not reports, uneven)
 
     def run(self, fill: Callable[[int], Result], tiles: list[int],
             finished: Callable[[int, Result], None]) -> None:

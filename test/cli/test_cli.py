@@ -67,7 +67,7 @@ def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path
 
 @pytest.mark.parametrize('name', [
     'attractors', 'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion',
-    'orbit_diagram', 'section'])
+    'orbit_diagram', 'section', 'transitions'])
 def test_options_and_functions_have_the_same_defaults(name):
     """The command without options does what the function without arguments does."""
     parser = Parser(name)
@@ -77,6 +77,8 @@ def test_options_and_functions_have_the_same_defaults(name):
     takes = inspect.signature(study).parameters
     if 'alphas' in takes:
         given['alphas'] = given['alpha']
+    if 'windows' in takes:
+        given['windows'] = given['alpha']
     shared = set(takes) & set(given)
     assert shared
     assert {key: given[key] for key in shared} == {key: takes[key].default for key in shared}

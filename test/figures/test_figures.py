@@ -12,7 +12,7 @@ from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
 
 PAPER = ['1', '2', '3a', '3b', '4', '5a', '5b', '6a', '6b', '7', '8a', '8b', '9a', '9b', '10',
-         '11', '12', 'jumps', 'lifetime-law', 'shares']
+         '11', '12', 'jumps', 'lifetime-law', 'shares', 'transitions']
 RECIPE = """
 figure: '{figure}'
 title: Small & quick
@@ -31,6 +31,7 @@ COMMANDS = {
     '2a': (DIAGRAM, '--draw velocity', '2'), '2b': (DIAGRAM, '--draw exponent', '2'),
     '3': ('basins --alpha 0.48 --size 40', '--mark 1 2 -1 1', ''),
     '4a': (SECTION, '', '4'), '4b': (SECTION, '--draw impacts', '4'),
+    'table': ('transitions --alpha 0.10 0.101 --columns 2 --trajectories 4 --hold 500', '', ''),
 }
 
 
@@ -84,7 +85,7 @@ def test_a_raster_has_a_pixel_for_each_alpha_and_bin(drawn):
 def test_the_page_shows_every_figure_with_its_command(drawn):
     page = (drawn / 'index.html').read_text()
     for figure in COMMANDS:
-        assert f'figure-{figure}.png' in page
+        assert (f'figure-{figure}.png' in page) == (figure != 'table')
         record = json.loads((drawn / 'data' / f'figure-{figure}.json').read_text())
         assert record['command'].startswith('ros2 run gear_rattle_ros ')
     assert 'Small &amp; quick' in page and '&lt;none&gt;' in page
@@ -99,6 +100,9 @@ def test_the_page_of_the_documents_has_the_pictures_as_they_are(drawn, tmp_path)
     assert max(map(len, text.splitlines())) < 200
     for figure, (command, _, _) in COMMANDS.items():
         assert command in text.replace(' \\\n    ', ' ')
+        if figure == 'table':
+            assert '0.04921892967 +- ' in text
+            continue
         for name in (f'figure-{figure}', f'figure-{figure}-paper'):
             assert f'(figures/{name}.png)' in text
             assert (drawn / f'{name}.pdf').read_bytes()[:5] == b'%PDF-'

@@ -10,11 +10,11 @@ import time
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import continuation, crisis, orbit_diagram
+from gear_rattle_ros.cli import continuation, crisis, orbit_diagram, transitions
 from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
-         'crisis': crisis.main}
+         'crisis': crisis.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
     'orbit_diagram': ('--alpha 0.48 0.52 --columns 64 --bins 300 --trajectories 32 --skip 3000 '
@@ -23,6 +23,8 @@ TOOLS = {
                      '1e-3', 8, ('count', 'share', 'event_alpha')),
     'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48,
                ('lifetime', 'fate', 'escape_rate')),
+    'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '
+                    '1000', 2, ('alpha', 'alpha_error', 'kind', 'ratio')),
 }
 
 
@@ -78,7 +80,8 @@ def test_a_cluster_gives_the_same(tmp_path):
     with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
             dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
-        for name, (options, _, _) in TOOLS.items():
+        for name in ('orbit_diagram', 'continuation', 'crisis'):
+            options, _, _ = TOOLS[name]
             here, there = (Path(tmp_path / f'{name}-{place}.zarr') for place in ('a', 'b'))
             words = shlex.split(options)
             assert MAINS[name]([*words, '--output', str(here)]) == 0

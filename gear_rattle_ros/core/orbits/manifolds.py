@@ -96,14 +96,15 @@ def saddle_of(orbit: Orbit, side: FloatArray | None = None) -> Saddle:
 @kernel
 def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unstable: FloatArray,
             expansion: float, target_wall: int, target: FloatArray, rows: FloatArray,
-            target_expansion: float, period: int, impacts: int,
+            target_expansion: float, period: int, impacts: int, residue: int, reach: float,
             model: Model) -> tuple[FloatArray, IntArray]:
     """
     Map points of an unstable manifold on and find their farthest return to a saddle.
 
     Places are in periods of the saddle that they leave [1], from the distance `seed` on. Returns
     how far beyond the stable manifold of the `target`, whose period is in impacts, they come [1]
-    (NEVER without a return), and after how many impacts.
+    (NEVER without a return), and after how many impacts. With a `residue` from 0 on, only returns
+    after impacts that leave it when divided by the period count. `reach` scales how near is near.
     """
     distances = np.full(len(places), NEVER)
     numbers = np.full(len(places), -1)
@@ -121,15 +122,18 @@ def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unsta
             here, _, phase, velocity, _ = next_impact(here, phase, velocity, model)
             if here == NO_WALL:
                 break
+            c = n % period
+            if residue >= 0 and c != residue:
+                continue
             turn = phase - target[0]
             turn -= TWO_PI * math.floor(turn / TWO_PI + 0.5)
             climb = velocity - target[1]
             across = rows[0, 0] * turn + rows[0, 1] * climb
             along = rows[1, 0] * turn + rows[1, 1] * climb
-            near = here == target_wall and abs(across) < ACROSS and abs(along) < ALONG
-            c = n % period
+            near = (here == target_wall and abs(across) < reach * ACROSS
+                    and abs(along) < reach * ALONG)
             if not away:
-                away = c == 0 and not near
+                away = c == max(residue, 0) and not near
             elif near:
                 if entered[c] < 0:
                     entered[c] = n
@@ -150,20 +154,22 @@ def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unsta
 
 def find_edge(source: Saddle, target: Saddle, *, samples: int = 20_000, impacts: int = 80,
               candidates: int = 12, near: float | None = None, seed: float = SEED_DISTANCE,
-              offset: float = 0.0) -> Edge:
+              offset: float = 0.0, residue: int = -1, reach: float = 1.0) -> Edge:
     """
     Find where the unstable manifold of `source` comes nearest to crossing a stable one.
 
     `samples` points over one period of the side of `source`, from the distance `seed` on [1] and
     shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest maxima
     are refined. With `near`, only a hundredth of a period about this place is searched. Beyond is
-    the side of `target`. Without any return `distance` is `NEVER`.
+    the side of `target`. Without any return `distance` is `NEVER`. `residue` and `reach` are those
+    of `returns`.
     """
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
         leaves, meets = source.orbit, target.orbit
         return returns(places, seed, int(leaves.walls[0]), leaves.points[0], source.unstable,
                        source.expansion, int(meets.walls[0]), meets.points[0], target.rows,
-                       target.expansion, target.impacts, impacts, leaves.parameters.model)
+                       target.expansion, target.impacts, impacts, residue, reach,
+                       leaves.parameters.model)
 
     places = (np.arange(samples) + offset) / samples
     if near is not None:
