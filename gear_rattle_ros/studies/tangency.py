@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 import dataclasses
+import itertools
 import math
 from typing import Any, Final, Protocol
 
@@ -48,6 +49,10 @@ TRIED: Final = 60
 # The manifolds are compared this far from where a crisis was seen, in its uncertainty, and farther
 # if need be.
 ASIDE: Final = (20.0, 100.0)
+# Contacts that are tried; a tangency is that of the crisis where both places differ by at most
+# this many of their errors.
+CONTACTS: Final = 12
+AGREES: Final = 2.0
 # Samples of a manifold, their impacts and the maxima that are refined; samples at the end.
 SCREEN: Final[Any] = {'samples': 3000, 'candidates': 6}
 FINE: Final = 20_000
@@ -171,15 +176,19 @@ def touch(seen: Seen, searched: Callable[[int], None] = lambda count: None,
     """
     Find the tangency at a crisis; ValueError where no manifolds touch there.
 
-    Pieces merge at the orbit `merging` if its own manifolds touch, otherwise at another.
+    Pieces merge at the orbit `merging` if its own manifolds touch, otherwise at another. Where a
+    tangency disagrees with what was seen, other manifolds touch; the next one is tried.
     """
     for aside in ASIDE:
         inside, outside = (seen.alpha + side * seen.direction * aside * seen.uncertainty
                            for side in (-1.0, 1.0))
-        contact = merging and merging_at(merging, inside, outside) or find_contact(
-            seen.parameters, seen.states, inside, outside)
-        if contact is not None:
-            return find_tangency(contact, inside, outside, searched)
+        at_doubled = merging and merging_at(merging, inside, outside)
+        for contact in itertools.islice(itertools.chain(
+                [at_doubled] if at_doubled else [],
+                find_contacts(seen.parameters, seen.states, inside, outside)), CONTACTS):
+            found = find_tangency(contact, inside, outside, searched)
+            if abs(found.alpha - seen.alpha) <= AGREES * (seen.uncertainty + found.uncertainty):
+                return found
     raise ValueError(f'no manifold touches that of a saddle near alpha = {seen.alpha:.7f}, where '
                      'trajectories begin to escape; give another bracket')
 
@@ -199,36 +208,52 @@ def merging_at(orbit: Orbit, inside: float, outside: float) -> Contact | None:
         return None
 
 
-def find_contact(parameters: Parameters, states: RecordArray, inside: float, outside: float
-                 ) -> Contact | None:
+def find_contacts(parameters: Parameters, states: RecordArray, inside: float, outside: float
+                  ) -> Iterator[Contact]:
     """
-    Find with which orbit an attractor collides between an alpha where it is and one beyond.
+    Find with which orbits an attractor collides between an alpha where it is and one beyond.
 
-    Candidates are the saddles that trajectories visit beyond and not before. None where no
-    manifold begins to cross that of one of them.
+    Candidates are the saddles that trajectories visit beyond and not before. A contact is where a
+    manifold begins to cross that of one of them; those of a saddle with itself come first.
     """
     within, beyond = (dataclasses.replace(parameters, alpha=alpha) for alpha in (inside, outside))
     before = enough_of(within, _impacts(within, states))
     named = shortest_orbit(within, before)
     if named is None:
-        return None
+        return
     leaves = saddle_of(named)
     others: list[Contact] = []
+    alone: list[Saddle] = []
     # Shortest first of those that are not in the attractor.
     for orbit in sorted(_saddles(beyond, _impacts(beyond, states)),
                         key=lambda one: least_share(before, one) >= VISITED)[:TRIED]:
         try:
             meets = saddle_of(carry(orbit, inside))
+            through = [one for one in (Contact(source, meets) for source in _sides(leaves))
+                       if one.begins(inside, outside)]
             # On the boundary lies the saddle whose own manifold leads into the attractor; what
             # has passed it crosses the manifolds of others, too.
-            for own in _sides(meets):
-                if Contact(own, meets).begins(inside, outside):
-                    return Contact(own, meets)
-            others += [one for one in (Contact(source, meets) for source in _sides(leaves))
-                       if not others and one.begins(inside, outside)]
+            own = _own(meets, inside, outside) if through else None
+            if own:
+                yield own
         except ValueError:
             continue
-    return others[0] if others else None
+        others += through if not own else []
+        alone += [meets] if not through else []
+    yield from others
+    for meets in alone:
+        own = _own(meets, inside, outside)
+        if own:
+            yield own
+
+
+def _own(saddle: Saddle, inside: float, outside: float) -> Contact | None:
+    # How the manifolds of a saddle begin to cross each other.
+    try:
+        return next((contact for contact in (Contact(side, saddle) for side in _sides(saddle))
+                     if contact.begins(inside, outside)), None)
+    except ValueError:
+        return None
 
 
 def _sides(saddle: Saddle) -> tuple[Saddle, ...]:

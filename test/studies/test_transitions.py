@@ -107,6 +107,19 @@ def test_pieces_merge_where_manifolds_of_the_doubled_orbit_touch(alpha, pieces, 
         assert (seen(passages(there, near.state, pieces), 20) > 0) == merged
 
 
+@pytest.mark.long
+def test_the_growth_at_which_two_pieces_merge_is_that_of_another_orbit():
+    """The orbit that doubled has been crossed before; B collides with one of twelve impacts."""
+    alpha = 0.567489627
+    near = shape_at(Parameters(alpha=alpha - 1e-6), on_b(alpha - 1e-6))
+    tangency = touch(Reshaping(alpha, 5.8e-8, near, shape_at(
+        Parameters(alpha=alpha + 1e-6), near.state)))
+    assert tangency.contact.target.orbit.impacts == 12 and tangency.contact.is_homoclinic
+    for side, merged in ((-2e-7, False), (2e-6, True)):
+        there = Parameters(alpha=tangency.alpha + side)
+        assert (seen(passages(there, near.state, 2), 20) > 0) == merged
+
+
 def table(tmp_path, words):
     """Run the tool; return its transitions, each with what is stored of it."""
     path = tmp_path / 't.zarr'
@@ -136,42 +149,6 @@ def test_births_and_doublings_are_in_the_table_of_both_windows(tmp_path, capsys)
     assert places(rows, 'B', 'doubling')[0] == pytest.approx(0.52915, abs=1e-5)
     printed = capsys.readouterr().out
     assert 'alpha from 0.1 to 0.101' in printed and 'alpha from 0.48 to 0.481' in printed
-
-
-@pytest.mark.long
-def test_the_growth_at_which_two_pieces_merge_is_that_of_another_orbit():
-    """The orbit that doubled has been crossed before; B collides with one of twelve impacts."""
-    alpha = 0.567489627
-    near = shape_at(Parameters(alpha=alpha - 1e-6), on_b(alpha - 1e-6))
-    tangency = touch(Reshaping(alpha, 5.8e-8, near, shape_at(
-        Parameters(alpha=alpha + 1e-6), near.state)))
-    assert tangency.contact.target.orbit.impacts == 12 and tangency.contact.is_homoclinic
-    assert tangency.alpha == pytest.approx(0.5674896, abs=1e-7)
-    for side, merged in ((-2e-7, False), (2e-6, True)):
-        there = Parameters(alpha=tangency.alpha + side)
-        assert (seen(passages(there, near.state, 2), 20) > 0) == merged
-
-
-@pytest.mark.long
-def test_every_transition_of_figure_2_is_where_another_program_counts_it(tmp_path):
-    rows = table(tmp_path, '--alpha 0.47 0.60 --trajectories 128')
-    merge = {(int(row['pieces']), int(row['pieces_left'])): row for row in rows
-             if row['letter'] == 'B' and row['kind'] == 'merging'}
-    for pieces, counted, saddle in ((8, 0.56506, '8-4-'), (4, 0.56604, '4-2-'),
-                                    (2, 0.56749, '12-6-')):
-        row = merge[pieces, pieces // 2]
-        assert row['alpha'] == pytest.approx(counted, abs=2e-5)
-        assert str(row['saddle']).startswith(saddle)
-        assert abs(row['alpha'] - row['tangency_alpha']) <= 3.0 * (
-            row['alpha_error'] + row['tangency_error']) < 1e-6
-    assert min(abs(np.array(places(rows, 'B', 'growth')) - 0.5708)) < 1e-4
-    for letter, kind, alpha in (
-            ('A', 'fold', 0.44228), ('B', 'doubling', 0.52915), ('B', 'crisis', 0.57229),
-            ('C', 'fold', 0.49392), ('C', 'crisis', 0.51601)):
-        assert min(abs(np.array(places(rows, letter, kind)) - alpha)) < 1e-5
-    for row in rows:
-        if row['kind'] == 'accumulation':
-            assert row['ratio'][np.isfinite(row['ratio'])][-1] == pytest.approx(DELTA, abs=0.05)
 
 
 @pytest.mark.parametrize(('words', 'named'), [
