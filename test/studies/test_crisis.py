@@ -170,8 +170,8 @@ ENDS = {
 def test_the_end_of_any_chaotic_attractor_names_what_it_collides_with(name, tmp_path):
     window, alpha, saddle, born = ENDS[name]
     path = tmp_path / 'c.zarr'
-    assert main(['--alpha', *window, '--rates', '8', '--escapes', '24', '--output', str(path)
-                 ]) == 0
+    assert main(['--alpha', *window, '--rates', '8', '--escapes', '24', '--beyond', '3e-5', '6e-4',
+                 '--output', str(path)]) == 0
     a = open_dataset(path).attrs
     assert a['tangency_alpha'] == pytest.approx(alpha, abs=2e-6)
     assert a['tangency_uncertainty'] < 1e-7
