@@ -50,9 +50,10 @@ TRIED: Final = 60
 # if need be.
 ASIDE: Final = (20.0, 100.0)
 # Contacts that are tried; a tangency is that of the crisis where both places differ by at most
-# this many of their errors.
-CONTACTS: Final = 12
+# this many of their errors, and where its own is not more than this many times the other.
+CONTACTS: Final = 6
 AGREES: Final = 2.0
+WORTH: Final = 30.0
 # Samples of a manifold, their impacts and the maxima that are refined; samples at the end.
 SCREEN: Final[Any] = {'samples': 3000, 'candidates': 6}
 FINE: Final = 20_000
@@ -187,7 +188,8 @@ def touch(seen: Seen, searched: Callable[[int], None] = lambda count: None,
                 [at_doubled] if at_doubled else [],
                 find_contacts(seen.parameters, seen.states, inside, outside)), CONTACTS):
             found = find_tangency(contact, inside, outside, searched)
-            if abs(found.alpha - seen.alpha) <= AGREES * (seen.uncertainty + found.uncertainty):
+            if (found.uncertainty <= WORTH * seen.uncertainty and abs(found.alpha - seen.alpha)
+                    <= AGREES * (seen.uncertainty + found.uncertainty)):
                 return found
     raise ValueError(f'no manifold touches that of a saddle near alpha = {seen.alpha:.7f}, where '
                      'trajectories begin to escape; give another bracket')
