@@ -12,7 +12,7 @@ from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
 
 PAPER = ['1', '2', '3a', '3b', '4', '5a', '5b', '6a', '6b', '7', '8a', '8b', '9a', '9b', '10',
-         '11', '12', 'jumps', 'lifetime-law', 'shares', 'transitions']
+         '11', '12', 'jumps', 'lifetime-law', 'shares', 'transitions-2', 'transitions-8']
 RECIPE = """
 figure: '{figure}'
 title: Small & quick
