@@ -86,7 +86,7 @@ def load_recipes(folder: Path) -> dict[str, Recipe]:
     recipes = [_recipe(path) for path in folder.glob('*.yaml')]
     if not recipes:
         raise ValueError(f'{folder} holds no recipes; name their folder with --recipes')
-    recipes.sort(key=lambda recipe: (int(re.sub(r'\D', '', recipe.figure) or 99), recipe.figure))
+    recipes.sort(key=lambda recipe: (int(re.split(r'\D', recipe.figure)[0] or 99), recipe.figure))
     return {recipe.figure: recipe for recipe in recipes}
 
 
