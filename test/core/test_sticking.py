@@ -70,6 +70,17 @@ def test_a_state_at_rest_on_a_wall_that_always_presses(
     assert simulation.state == State(10**6, 0.0, wall, 0.0)
 
 
+@pytest.mark.parametrize('alpha', [1e-150, 1e-200, 1.2207559806784711e-255, 5e-324])
+def test_the_faintest_force_releases_at_its_zero(alpha: float) -> None:
+    """Its square is not a number that floats have; without load it changes sign at 0 and pi."""
+    for wall, phase, zero in ((0.0, 4.0, (1, 0.0)), (-1.0, 1.0, (0, math.pi))):
+        simulation = Simulation(Parameters(alpha, 0.0, 0.0, alpha), State(0, phase, wall))
+        release = simulation.advance(3, 0.0, 2)[1]
+        assert release['kind'] == EventKind.RELEASE
+        assert (release['cycle'], release['phase']) == (
+            zero[0], pytest.approx(zero[1], abs=1e-14))
+
+
 @pytest.mark.parametrize('alpha, beta, gamma, wall', [
     (0.5, 0.1, 0.1, 0.0), (0.5, 0.0, 0.3, 0.0), (2.0, 0.7, -0.4, -1.0), (1.0, 0.1, 0.0, -1.0)])
 def test_release_at_the_zero_of_the_force(

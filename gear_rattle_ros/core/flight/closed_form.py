@@ -23,6 +23,8 @@ LEG_PERIODS = 64
 LEG = LEG_PERIODS * TWO_PI
 # Far more than rounding moves a displacement within a leg between the walls [1].
 CLEARANCE = 1e-9
+# Products below this have lost digits, or all of them [1].
+SMALLEST = 1e-300
 
 
 @kernel
@@ -125,7 +127,11 @@ def release_delay(displacement: float, phase: float, model: Model) -> float:
     # So close to never leaving, the speed gained is far below that at which it sticks again.
     if abs(gamma) >= amplitude * (1.0 - 1e-12):
         return math.inf
-    angle = arctangent(gamma / math.sqrt((amplitude - gamma) * (amplitude + gamma)))
+    product = (amplitude - gamma) * (amplitude + gamma)
+    # Of a force so faint that this underflows, the factors have a root nevertheless.
+    root = (math.sqrt(product) if product > SMALLEST
+            else math.sqrt(amplitude - gamma) * math.sqrt(amplitude + gamma))
+    angle = arctangent(gamma / root)
     if displacement < 0.0:
         angle = math.pi - angle
     delay = (angle + arctangent(beta) - phase) % TWO_PI
