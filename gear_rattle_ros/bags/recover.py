@@ -54,7 +54,7 @@ class Recovery:
         lines += [f'{path}: {counted(damage.end - damage.start, "byte")} from {damage.start} on '
                   'unreadable' for path, damage in self.damages]
         lines += [f'{path}: was not closed properly' for path in self.unclosed]
-        lines += [f'{path}: states {stated} messages, but has {found} that can be read'
+        lines += [f'{path}: states {counted(stated, "message")}, but has {found} that can be read'
                   for path, stated, found in self.stated]
         if self.nameless:
             lines.append(f'{counted(self.nameless, "message")} of unknown topics left out')

@@ -44,8 +44,9 @@ def test_labels_are_those_of_a_search_of_its_own(alpha: float, displacement: flo
     catalogue = find_attractors(
         parameters, plane.draw(parameters, 300, 8), hold=20_000)
     theirs = catalogue.label(plane.cells(parameters, slice(0, 50), slice(0, 50)), CAP)
-    periodic = [orbit.key for orbit in catalogue.orbits]
-    names = [*periodic, *('chaos' for _ in catalogue.chaotic)]
+    names = [each.title if each.orbit else 'chaos' for each in catalogue.attractors
+             if each.label >= 0]
+    periodic = [name for name in names if name != 'chaos']
     expected = np.array([names[label] if label >= 0 else 'none' for label in theirs['label']])
     ours = np.array([name if name in periodic else 'chaos' for name in keys(picture).ravel()])
     assert np.mean(ours == expected) > 0.999
