@@ -7,9 +7,7 @@ from . import options
 from .options import add, number, whole
 from .refusal import Parser
 from .run import Command
-
-# The windows of figures 2 and 8 of the paper.
-WINDOWS = ((0.47, 0.60), (1.00, 1.75))
+from ..core.defaults import WINDOWS
 
 
 class _Windows(argparse.Action):

@@ -8,6 +8,9 @@ BETA: Final = 0.1
 GAMMA: Final = 0.1
 RESTITUTION: Final = 0.9
 
+# Windows of alpha of figures 2 and 8 of the paper [1].
+WINDOWS: Final = ((0.47, 0.60), (1.00, 1.75))
+
 # The search for attractors: the largest distance from an orbit [1], the impacts for which nothing
 # may leave a chaotic attractor, the random initial conditions and their seed.
 TOLERANCE: Final = 1e-3

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ..core.model import EVENT, EventArray, EventKind, impact_count
-from ..core.orbits.letters import letter_of
 from ..core.stream.counters import advanced, drive_times, impact_numbers, Place
 from ..core.stream.guard import Piece, StreamGuard
 from ..core.stream.lyapunov import RunningLyapunov
@@ -149,8 +148,7 @@ def in_words(word: Word) -> str:
     if word.report.regime is Regime.TRANSIENT:
         known = f', {word.report.describe()}' if word.report.impacts else ''
         return f'{text}a transient begins{known}'
-    letter = letter_of(word.report.orbit) if word.report.orbit else ''
-    text += f'attractor {letter}: ' * bool(letter) + word.report.describe()
+    text += word.report.describe_attractor()
     if word.report.regime is Regime.ORBIT and math.isfinite(word.report.multiplier):
         text += f' (multiplier {word.report.multiplier:.3f})'
     return text

@@ -12,7 +12,6 @@ from .base.node import ReportingNode
 from .base.process import run_node
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Parameters, State
-from ..core.orbits.letters import letter_of
 from ..core.stream.report_values import transient_values
 from ..core.stream.transients import TransientDetector
 from ..messages import diagnostic_array
@@ -46,10 +45,9 @@ class Transients(ReportingNode):
         # A hole is logged before what follows from it.
         self._input.health.log()
         for change in changes:
-            words, values = change.describe(), transient_values(change)
-            letter = letter_of(change.orbit) if change.orbit else ''
-            if letter:
-                words, values['letter'] = f'attractor {letter}: {words}', letter
+            words, values = change.describe_attractor(), transient_values(change)
+            if change.letter:
+                values['letter'] = change.letter
             self._publisher.publish(diagnostic_array(
                 f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok', words,
                 values | {'tolerance': self._tolerance}, self._input.stamp))

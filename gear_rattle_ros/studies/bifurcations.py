@@ -154,8 +154,7 @@ class Search:
         for family in self._families:
             n = family.number
             for parameters, orbit, direction in self._cascades(family, n):
-                state = np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
-                self._follow_chaos(n, parameters, state, direction,
+                self._follow_chaos(n, parameters, state_on(orbit), direction,
                                    self._diagram.alphas[int(direction > 0.0)])
         events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor, end)
                   for n, end in self._ends]
@@ -206,8 +205,7 @@ class Search:
         for n, cell in self._seen(CHAOTIC):
             chaos.setdefault(n, []).append(cell)
         alphas = self._diagram.values
-        # What is seen in most columns comes first: its end is not that of another, which joins it.
-        for n, cells in sorted(chaos.items(), key=lambda item: -len(item[1])):
+        for n, cells in chaos.items():
             # What is not seen in a column may have ended before it.
             breaks = [0, *(i for i in range(1, len(cells)) if cells[i][0] > cells[i - 1][0] + 1),
                       len(cells)]
@@ -272,6 +270,11 @@ class Search:
                                 for one in self._families)):
                 yield (dataclasses.replace(turn.orbit.parameters, alpha=beyond), turn.orbit,
                        direction)
+
+
+def state_on(orbit: Orbit) -> FloatArray:
+    """Return phase, displacement and velocity just before the first impact of an orbit."""
+    return np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
 
 
 def _same_end(a: End, b: End) -> bool:

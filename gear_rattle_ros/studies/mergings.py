@@ -27,7 +27,7 @@ from .endings import (
     SPAN,
     spread_out,
 )
-from ..attractors.plane import at_parameters
+from ..attractors.plane import at_parameters, STATE
 from ..core.arrays import FloatArray, RecordArray
 from ..core.flight.lanes_step import LANES
 from ..core.many.chaotic_sets import count_pieces
@@ -112,7 +112,7 @@ def shape_at(parameters: Parameters, state: FloatArray) -> Shape | None:
              for side in (upper, ~upper) for look in (np.min, np.max)]
     last = initial_after(parameters, rows['phase'][:1, -1], rows['velocity'][:1, -1])[0]
     return Shape(parameters, count_pieces(rows), np.array(edges), np.array(
-        [last[name] for name in ('phase', 'displacement', 'velocity')]))
+        [last[name] for name in STATE]))
 
 
 def find_mergings(inside: Shape, outside: Shape, tolerance: float, hold: int

@@ -9,7 +9,7 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Attractor, Catalogue, Kind
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
-from ..attractors.plane import initial_condition, Plane
+from ..attractors.plane import initial_condition, Plane, STATE
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.simulation import Simulation
@@ -123,8 +123,7 @@ def _state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
 def _follow(parameters: Parameters, start: Any, skip: int, periods: int, whole: bool
             ) -> EventArray:
     """Return the events of some drive periods, with records at both ends, `whole` from phase 0."""
-    simulation = Simulation(parameters, State(0, *(float(start[name]) for name in (
-        'phase', 'displacement', 'velocity'))))
+    simulation = Simulation(parameters, State(0, *(float(start[name]) for name in STATE)))
     while simulation.impacts < skip and not simulation.is_permanently_at_rest:
         cycle, phase = simulation.moment
         simulation.advance(cycle + skip, phase, min(skip - simulation.impacts, EVENTS))

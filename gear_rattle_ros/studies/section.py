@@ -12,7 +12,7 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.cores import find_jumps
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
-from ..attractors.plane import initial_condition, Plane
+from ..attractors.plane import initial_condition, Plane, STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import INITIAL_CONDITIONS, SEED
 from ..core.flight.lanes import IMPACT
@@ -132,8 +132,8 @@ def _follow(store: Store, parameters: Parameters, drawn: RecordArray, work: Work
 def _noisy(parameters: Parameters, drawn: RecordArray, noise: float, seed: int, most: int
            ) -> EventArray:
     """Return the first impacts of a trajectory with noise, as the simulator makes them."""
-    simulation = Simulation(parameters, State(0, *(float(drawn[name][0]) for name in (
-        'phase', 'displacement', 'velocity'))), noise=noise, seed=seed)
+    simulation = Simulation(parameters, State(0, *(float(drawn[name][0]) for name in STATE)),
+                            noise=noise, seed=seed)
     parts = [simulation.advance(0, simulation.moment[1], 1)]
     # Nothing happens at rest for good, nor where a motion ends between the walls.
     while simulation.impacts < most and len(parts[-1]):

@@ -29,7 +29,7 @@ from ..core.orbits.manifolds import (
 from ..core.orbits.orbit import close_orbit, Orbit
 from ..core.words import counted
 
-# The distance is taken to be smooth in alpha where it is below this, times the reach [1].
+# The distance is taken to be smooth in alpha where it is below this [1].
 SMOOTH: Final = 0.2 * ACROSS / 25.0
 # Each step towards the root is shorter than the last at least by this factor.
 CONVERGES: Final = 0.7
@@ -70,10 +70,9 @@ class Contact:
 
     source: Saddle  # in the attractor, or the same as the target
     target: Saddle  # with which the attractor collides
-    # Where pieces merge, what crosses comes from the piece at one side of the target: after
-    # impacts that leave this residue when divided by its period. Otherwise -1.
-    residue: int = -1
-    reach: float = 1.0  # how near is near, in parts of what it is by default
+    # Where pieces merge, what crosses comes from the piece at one side of the target, after whole
+    # periods.
+    merges: bool = False
     seed: float = SEED_DISTANCE  # where the unstable manifold begins [1]
 
     def at(self, alpha: float) -> 'Contact':
@@ -91,10 +90,10 @@ class Contact:
         They cross where there are returns on both sides, so the lesser edge counts.
         """
         here, impacts = self.at(alpha), FOLLOWED
-        if self.residue >= 0:
+        if self.merges:
             sides, impacts = (False,), max(FOLLOWED, PERIODS * self.target.impacts)
         return min(((find_edge(here.source, here.target.other_side if side else here.target,
-                               impacts=impacts, residue=self.residue, reach=self.reach,
+                               impacts=impacts, whole=self.merges,
                                **{'seed': self.seed, **how}), side)
                     for side in sides), key=lambda found: found[0].distance)
 
@@ -204,7 +203,7 @@ def merging_at(orbit: Orbit, inside: float, outside: float) -> Contact | None:
     """
     try:
         target = saddle_of(carry(orbit, inside))
-        contact = Contact(target, target.other_side, 0, 1.0, SEED_OF_PIECES)
+        contact = Contact(target, target.other_side, True, SEED_OF_PIECES)
         return contact if contact.begins(inside, outside) else None
     except ValueError:
         return None
@@ -215,8 +214,9 @@ def find_contacts(parameters: Parameters, states: RecordArray, inside: float, ou
     """
     Find with which orbits an attractor collides between an alpha where it is and one beyond.
 
-    Candidates are the saddles that trajectories visit beyond and not before. A contact is where a
-    manifold begins to cross that of one of them; those of a saddle with itself come first.
+    Candidates are the saddles that trajectories visit beyond. A contact is where a manifold begins
+    to cross that of one of them. First come saddles that cross themselves where the attractor
+    crosses them, then those that only the attractor crosses, then those that only they cross.
     """
     within, beyond = (dataclasses.replace(parameters, alpha=alpha) for alpha in (inside, outside))
     before = enough_of(within, _impacts(within, states))
@@ -290,7 +290,7 @@ def find_tangency(contact: Contact, inside: float, outside: float,
         return contact.edge(alpha, sides or (False, True), **{**SCREEN, **how})
 
     (below, side), (above, _) = look(inside), look(outside)
-    while max(abs(below.distance), abs(above.distance)) > SMOOTH * contact.reach:
+    while max(abs(below.distance), abs(above.distance)) > SMOOTH:
         if abs(outside - inside) < JUMP:
             alpha = 0.5 * (inside + outside)
             return Tangency(alpha, abs(outside - inside), contact.at(alpha), above)

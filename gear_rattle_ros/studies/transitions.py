@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar, Unpack
 import numpy as np
 
 from .attractors import identity_of, require_window
-from .bifurcations import DOUBLINGS, Family, Search
+from .bifurcations import DOUBLINGS, Family, Search, state_on
 from .cascades import accumulate, Accumulation, FEWEST
 from .continuation import BINS, require_tolerance
 from .diagram import Diagram, KEY
@@ -23,7 +23,7 @@ from ..attractors.engine import run_tiles
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
-from ..core.defaults import SEED
+from ..core.defaults import SEED, WINDOWS
 from ..core.model import Parameters
 from ..core.orbits.branches import Change, Turn
 from ..core.orbits.orbit import Orbit
@@ -32,8 +32,6 @@ from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
 NAME: Final = 'transitions'
-# The windows of figures 2 and 8 of the paper.
-WINDOWS: Final = ((0.47, 0.60), (1.00, 1.75))
 # Transitions of a window.
 MOST: Final = 256
 # A cascade is joined in the chaos beyond its end, where there are eight times as many pieces as
@@ -154,7 +152,7 @@ class Closely(Search):
             places = [(float(self._diagram.values[cell[0]]), self._states[cell]) for cell in cells]
             for number, chain, end in self._cascades_followed():
                 alpha = end.alpha + JOINED * (end.alpha - chain[EIGHT].alpha)
-                place = alpha, _state(chain[EIGHT].orbit)
+                place = alpha, state_on(chain[EIGHT].orbit)
                 if number == n and chain[0].alpha < alpha and 0.0 < places[0][0] - alpha < width:
                     places.insert(0, place)
                 if number == n and chain[0].alpha > alpha and 0.0 < alpha - places[-1][0] < width:
@@ -215,10 +213,6 @@ class Closely(Search):
                     abs(turn.alpha - one.alpha) for one in family.turns):
                 return
             turn = max(family.turns, key=lambda one: abs(one.alpha - turn.alpha))
-
-
-def _state(orbit: Orbit) -> FloatArray:
-    return np.array([orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0]])
 
 
 def _same(one: Transition, other: Transition) -> bool:

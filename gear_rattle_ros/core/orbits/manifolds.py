@@ -22,6 +22,7 @@ from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import exp_minus, logarithm, TWO_PI
 from ..model import Model
+from ..words import counted
 
 # The unstable manifold is straight this far from the saddle [1], to the square of this.
 SEED_DISTANCE: Final = 1e-6
@@ -86,7 +87,7 @@ def saddle_of(orbit: Orbit, side: FloatArray | None = None) -> Saddle:
     first, second = orbit.multipliers
     if shot is None or first.imag != 0.0 or not abs(first) > 1.0 > abs(second) > 0.0:
         raise ValueError(f'alpha = {orbit.parameters.alpha:g}: the orbit of '
-                         f'{orbit.impacts} impacts is not a saddle')
+                         f'{counted(orbit.impacts, "impact")} is not a saddle')
     values, vectors = np.linalg.eig(shot.derivative())
     vectors = np.real(vectors[:, np.argsort(-np.abs(values))])
     vectors[:, 0] *= math.copysign(1.0, vectors[0, 0] if side is None else side @ vectors[:, 0])
@@ -96,15 +97,15 @@ def saddle_of(orbit: Orbit, side: FloatArray | None = None) -> Saddle:
 @kernel
 def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unstable: FloatArray,
             expansion: float, target_wall: int, target: FloatArray, rows: FloatArray,
-            target_expansion: float, period: int, impacts: int, residue: int, reach: float,
+            target_expansion: float, period: int, impacts: int, whole: bool,
             model: Model) -> tuple[FloatArray, IntArray]:
     """
     Map points of an unstable manifold on and find their farthest return to a saddle.
 
     Places are in periods of the saddle that they leave [1], from the distance `seed` on. Returns
     how far beyond the stable manifold of the `target`, whose period is in impacts, they come [1]
-    (NEVER without a return), and after how many impacts. With a `residue` from 0 on, only returns
-    after impacts that leave it when divided by the period count. `reach` scales how near is near.
+    (NEVER without a return), and after how many impacts. With `whole`, only returns after whole
+    periods count.
     """
     distances = np.full(len(places), NEVER)
     numbers = np.full(len(places), -1)
@@ -123,17 +124,16 @@ def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unsta
             if here == NO_WALL:
                 break
             c = n % period
-            if residue >= 0 and c != residue:
+            if whole and c:
                 continue
             turn = phase - target[0]
             turn -= TWO_PI * math.floor(turn / TWO_PI + 0.5)
             climb = velocity - target[1]
             across = rows[0, 0] * turn + rows[0, 1] * climb
             along = rows[1, 0] * turn + rows[1, 1] * climb
-            near = (here == target_wall and abs(across) < reach * ACROSS
-                    and abs(along) < reach * ALONG)
+            near = here == target_wall and abs(across) < ACROSS and abs(along) < ALONG
             if not away:
-                away = c == max(residue, 0) and not near
+                away = c == 0 and not near
             elif near:
                 if entered[c] < 0:
                     entered[c] = n
@@ -154,21 +154,21 @@ def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unsta
 
 def find_edge(source: Saddle, target: Saddle, *, samples: int = 20_000, impacts: int = 80,
               candidates: int = 12, near: float | None = None, seed: float = SEED_DISTANCE,
-              offset: float = 0.0, residue: int = -1, reach: float = 1.0) -> Edge:
+              offset: float = 0.0, whole: bool = False) -> Edge:
     """
     Find where the unstable manifold of `source` comes nearest to crossing a stable one.
 
     `samples` points over one period of the side of `source`, from the distance `seed` on [1] and
     shifted by `offset` of their spacing, are mapped for `impacts`; the `candidates` largest maxima
     are refined. With `near`, only a hundredth of a period about this place is searched. Beyond is
-    the side of `target`. Without any return `distance` is `NEVER`. `residue` and `reach` are those
-    of `returns`.
+    the side of `target`. Without any return `distance` is `NEVER`. With `whole`, only returns
+    after whole periods of `target` count.
     """
     def look(places: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
         leaves, meets = source.orbit, target.orbit
         return returns(places, seed, int(leaves.walls[0]), leaves.points[0], source.unstable,
                        source.expansion, int(meets.walls[0]), meets.points[0], target.rows,
-                       target.expansion, target.impacts, impacts, residue, reach,
+                       target.expansion, target.impacts, impacts, whole,
                        leaves.parameters.model)
 
     places = (np.arange(samples) + offset) / samples

@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+import functools
 import math
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ from ..compiled import kernel
 from ..flight.closed_form import elapsed, LOWER, model_of, NO_WALL, release_delay, rests, UPPER
 from ..flight.elementary import TWO_PI
 from ..model import EventArray, EventKind, Parameters
+from ..orbits.letters import letter_of
 from ..orbits.orbit import close_orbit, Orbit
 from ..orbits.section import distance, distances, turn
 from ..words import counted
@@ -114,6 +116,15 @@ class TransientReport:
     def key(self) -> str:
         """Name of the orbit, the same in every tool; empty off an orbit."""
         return '' if self.orbit is None else self.orbit.key
+
+    @functools.cached_property
+    def letter(self) -> str:
+        """Letter of the attractor in the paper; empty for none."""
+        return '' if self.orbit is None else letter_of(self.orbit)
+
+    def describe_attractor(self) -> str:
+        """Return the report in one line of words that begins with the letter, if it has one."""
+        return f'attractor {self.letter}: ' * bool(self.letter) + self.describe()
 
     def describe(self) -> str:
         """Return the report in one line of words."""
