@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 import dataclasses
+import itertools
 from typing import Final
 
 # The ratio of successive intervals in the limit (Feigenbaum 1978).
 DELTA: Final = 4.669201609102990
 # Fewer doublings do not show how fast their extrapolations converge.
 FEWEST: Final = 4
+# A doubling located worse than to this part of the interval before it says nothing of a ratio.
+KNOWN: Final = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,16 +18,22 @@ class Accumulation:
     """Where the doublings of a cascade accumulate; beyond it there is chaos."""
 
     alpha: float
-    uncertainty: float  # how far apart the last two extrapolations are [1]
+    uncertainty: float  # how far apart the last two extrapolations are, and their own error [1]
     ratios: tuple[float, ...]  # of successive intervals, which tend to `DELTA`
 
 
-def accumulate(alphas: Sequence[float]) -> Accumulation:
-    """Extrapolate successive doublings to where they accumulate, with the ratio of the limit."""
-    if len(alphas) < FEWEST:
-        raise ValueError(f'{len(alphas)} doublings are not enough to extrapolate; '
-                         f'{FEWEST} are the fewest')
-    gaps = [b - a for a, b in zip(alphas, alphas[1:], strict=False)]
-    before, last = (alphas[k] + gaps[k] / (DELTA - 1.0) for k in (-2, -1))
-    return Accumulation(last, abs(last - before),
-                        tuple(a / b for a, b in zip(gaps, gaps[1:], strict=False)))
+def accumulate(alphas: Sequence[float], errors: Sequence[float]) -> Accumulation | None:
+    """
+    Extrapolate successive doublings to where they accumulate, with the ratio of the limit.
+
+    The first that is not located well enough ends them; `None` if fewer than `FEWEST` remain.
+    """
+    count = next((k for k in range(1, len(alphas))
+                  if errors[k] > KNOWN * abs(alphas[k] - alphas[k - 1])), len(alphas))
+    if count < FEWEST:
+        return None
+    gaps = [b - a for a, b in itertools.pairwise(alphas[:count])]
+    before, last = (alphas[count + k] + gaps[k] / (DELTA - 1.0) for k in (-2, -1))
+    own = max(errors[:count]) * (DELTA + 1.0) / (DELTA - 1.0)
+    return Accumulation(last, abs(last - before) + own,
+                        tuple(a / b for a, b in itertools.pairwise(gaps)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from .attractors import identity_of, require_window
 from .bifurcations import DOUBLINGS, Family, Search, state_on
-from .cascades import accumulate, Accumulation, FEWEST
+from .cascades import accumulate, Accumulation
 from .continuation import BINS, require_tolerance
 from .diagram import Diagram, KEY
 from .endings import End
@@ -196,8 +196,10 @@ class Closely(Search):
                 continue
             for turn in family.turns:
                 chain = list(self._chain(family, turn))
-                if len(chain) >= FEWEST:
-                    yield family.number, chain, accumulate([one.alpha for one in chain])
+                end = accumulate([one.alpha for one in chain],
+                                 [one.uncertainty for one in chain])
+                if end:
+                    yield family.number, chain, end
 
     def _chain(self, family: Family, turn: Turn) -> Iterator[Turn]:
         # Doublings, each of the orbit that was born at the one before.

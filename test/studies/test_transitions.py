@@ -23,21 +23,28 @@ ACCUMULATES = 3.5699456719
 
 
 def test_the_logistic_map_becomes_chaotic_where_it_is_published():
-    end = accumulate(LOGISTIC)
+    end = accumulate(LOGISTIC, [1e-10] * 6)
     assert abs(end.alpha - ACCUMULATES) <= end.uncertainty < 1e-5
     assert end.ratios == pytest.approx([4.7514, 4.6562, 4.6683, 4.6686], abs=1e-3)
 
 
 def test_an_exact_cascade_is_extrapolated_exactly_either_way():
     for sign in (1.0, -1.0):
-        end = accumulate([1.0 - sign * DELTA**-k for k in range(5)])
+        end = accumulate([1.0 - sign * DELTA**-k for k in range(5)], [0.0] * 5)
         assert end.alpha == pytest.approx(1.0, abs=1e-12) and end.uncertainty < 1e-12
         assert end.ratios == pytest.approx([DELTA] * 3)
 
 
-def test_few_doublings_are_refused():
-    with pytest.raises(ValueError, match='3 doublings are not enough'):
-        accumulate(LOGISTIC[:3])
+def test_few_doublings_are_not_extrapolated():
+    assert accumulate(LOGISTIC[:3], [1e-10] * 3) is None
+    assert accumulate(LOGISTIC, [1e-10, 1e-10, 1e-2, 1e-10, 1e-10, 1e-10]) is None
+
+
+def test_a_doubling_that_is_located_badly_ends_the_cascade():
+    wrong = [*LOGISTIC[:5], LOGISTIC[5] + 3e-4]
+    end = accumulate(wrong, [1e-10] * 5 + [4e-4])
+    assert abs(end.alpha - ACCUMULATES) <= end.uncertainty < 2e-5
+    assert end.ratios == pytest.approx([4.7514, 4.6562, 4.6683], abs=1e-3)
 
 
 def on_b(alpha):
