@@ -175,8 +175,8 @@ def compare_escapes(captor: Orbit, tangency: Tangency, scan: ctypes.CDLL) -> Non
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,
                 GAMMA, RESTITUTION, STEP), initial))
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], initial, carry(captor, alpha).points, radius_of(captor, tangency),
-            SKIP, TRAJECTORIES, LIMIT)
+            new_tiles(1)[0], initial, carry(captor, alpha).points,
+            np.array([captor.impacts]), radius_of(captor, tangency), SKIP, TRAJECTORIES, LIMIT)
         ours = np.where(fates == CAPTURED, lifetimes, -1)
         print(f'{alpha:10.7f}  {rate(peer):38s}  {rate(ours):38s}', flush=True)
 

@@ -8,24 +8,34 @@ from pathlib import Path
 import threading
 
 from bokeh.document import Document
+from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
-from bokeh.models import Button, Div, NumericInput, RadioButtonGroup, Slider
+from bokeh.models import (
+    Button,
+    CustomJS,
+    Div,
+    NumericInput,
+    RadioButtonGroup,
+    Row,
+    Slider,
+    Toggle,
+)
 
+from .address import Shown
 from .catalogues import Catalogues
-from .computing import Picture
-from .painting import Colours, legend
-from .plane_figure import PlaneFigure, WIDTH
+from .painting import Colours
+from .pane import Pane
+from .plane_figure import PlaneFigure
 from .saving import Saving
 from .simulator_link import SimulatorLink
 from .trajectory import follow, Trajectory
 from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import KINDS, View
-from .worker import Worker
 from ..core.words import counted
 
 TITLE = 'Gear rattle explorer'
-# Phase [rad], displacement and velocity [1] of the first trajectory.
-FIRST_POINT = (4.0, 0.0, -0.5)
+# Phase [rad] and velocity [1] of the first trajectory.
+FIRST_POINT = (4.0, -0.5)
 # Name, title, range and step of each slider.
 SLIDERS = (('alpha', 'α drive', 0.0, 2.0, 0.001), ('beta', 'β damping', 0.0, 1.0, 0.005),
            ('gamma', 'γ load', -0.5, 0.5, 0.005),
@@ -45,121 +55,175 @@ class Shared:
 class Page:
     """The page of one browser tab."""
 
-    def __init__(self, document: Document, shared: Shared, view: View,
-                 is_open: Callable[[], bool]) -> None:
-        self._document = document
-        self._shared = shared
-        self._view = self._home = view
-        self._colours = Colours()
+    def __init__(self, document: Document, shared: Shared, shown: Shown, home: View,
+                 is_open: Callable[[], bool], refused: str = '') -> None:
+        self._document, self._shared, self._is_open = document, shared, is_open
+        self._shown, self._home = shown, home
         self._trajectory: Trajectory | None = None
-        self._waiting: Picture | None = None
-        self._lock = threading.Lock()
-        self._plane = PlaneFigure(
-            view, lambda phase, velocity: self._ask(phase=phase, velocity=velocity), self._click)
+        view = shown.view
+        self._plane = PlaneFigure(view, self._move, self._click)
+        self._pane = Pane(document, self._plane, shared.catalogues, is_open, Colours())
+        self._beside: Pane | None = None
         self._figures = TrajectoryFigures()
-        self._legend = Div(name='legend', width=WIDTH, height=36,
-                           styles={'font-size': '12px', 'line-height': '1.5'})
-        self._status = Div(name='status', width=WIDTH, height=20,
-                           styles={'font-size': '12px', 'color': '#555'})
         self._message = Div(name='message', width=RIGHT_WIDTH, height=40, text=(
             'Drag to pan, turn the wheel to zoom, click a point to see its trajectory.'),
             styles={'font-size': '12.5px', 'overflow-wrap': 'anywhere'})
+        # Its text becomes the query of the address that the browser shows.
+        self._address = Div(name='address', visible=False, text='?' + shown.query())
+        write = CustomJS(args={'address': self._address},
+                         code='history.replaceState(null, "", address.text);')
+        self._address.js_on_change('text', write)
+        document.js_on_event(DocumentReady, write)
         self._kind = RadioButtonGroup(name='kind', labels=list(KINDS),
                                       active=KINDS.index(view.kind), width=270)
         self._sliders: dict[str, Slider] = {}
-        self._alpha = NumericInput(name='exact_alpha', value=view.parameters.alpha, mode='float',
-                                   low=0.0, high=1000.0, width=110, title='α exactly')
+        self._typed: dict[str, NumericInput] = {}
+        self._compare = Toggle(name='compare', label='compare', width=80,
+                               active=shown.beside is not None)
         self._saving = Saving(shared.folder, self._report_later)
-        self._worker = Worker(shared.catalogues, self._offer, is_open)
         self._lay_out()
-        self._worker.ask(view)
-        phase, _, velocity = FIRST_POINT
-        self._click(phase, velocity)
+        self._pane.ask(view)
+        self._click(*shown.point)
+        self._show_beside()
+        if refused:
+            self._report(refused, False)
 
     def close(self) -> None:
-        self._worker.stop()
+        for pane in filter(None, (self._pane, self._beside)):
+            pane.stop()
         self._saving.stop()
 
     def _lay_out(self) -> None:
-        for name, title, low, high, step in SLIDERS:
-            wide = name == 'alpha'
-            slider = Slider(name=name, title=title, start=low, end=high, step=step,
-                            value=self._value(name), format='0.000',
-                            width=RIGHT_WIDTH - 140 if wide else RIGHT_WIDTH // 4 - 14)
-            slider.on_change('value', functools.partial(self._slide, name))
-            self._sliders[name] = slider
-        self._alpha.on_change('value', self._type_alpha)
+        controls = [self._control(name, title, (low, high), step)
+                    for name, title, low, high, step in SLIDERS]
         self._kind.on_change('active', lambda attr, old, new: self._ask(kind=KINDS[new]))
         home = Button(name='home', label='whole plane', width=100)
         home.on_click(self._go_home)
         save = Button(name='save', label='save this view', width=110, button_type='primary')
-        save.on_click(lambda: self._saving.begin(self._view))
+        save.on_click(lambda: self._saving.begin(self._shown.view))
         send = Button(name='send', label='send the point to the simulator', width=220,
                       button_type='success')
         send.on_click(self._send)
-        title = Div(text=f'<b style="font-size:15px">{TITLE}</b>', width=226)
-        left = column(row(title, self._kind, home), self._plane.figure, self._legend, self._status)
+        self._compare.on_change('active', self._toggle)
+        title = Div(text=f'<b style="font-size:15px">{TITLE}</b>', width=140)
+        left = column(row(title, self._kind, home, self._compare), self._pane.layout)
+        # What gives way to the second plane.
+        self._first = column(
+            row(*controls[1:3]), row(*controls[3:]), self._figures.motion,
+            row(self._figures.section, self._figures.sequence))
+        self._other = self._control('beside', 'α of the second plane', (0.0, 2.0), 0.001)
+        self._second = column(self._other, visible=False)
         right = column(
-            row(self._sliders['alpha'], self._alpha),
-            row(*(self._sliders[name] for name, *_ in SLIDERS[1:])),
-            self._figures.motion, row(self._figures.section, self._figures.sequence),
-            row(send, save), self._message)
+            controls[0], self._first, self._second, row(send, save), self._message,
+            self._address)
         self._document.add_root(row(left, right, spacing=8))
         self._document.title = TITLE
 
+    def _control(self, name: str, title: str, bounds: tuple[float, float], step: float) -> Row:
+        # A slider, whose range follows what is typed beside it.
+        value = self._value(name)
+        width = RIGHT_WIDTH if name in ('alpha', 'beside') else RIGHT_WIDTH // 2 - 6
+        slider = Slider(name=name, title=title, start=min(bounds[0], value),
+                        end=max(bounds[1], value), step=step, value=value, format='0.000',
+                        width=width - 110)
+        typed = NumericInput(name=f'exact_{name}', value=value, mode='float', width=86,
+                             margin=(14, 5, 0, 5))
+        slider.on_change('value', functools.partial(self._set, name))
+        typed.on_change('value', functools.partial(self._set, name))
+        self._sliders[name], self._typed[name] = slider, typed
+        return row(slider, typed)
+
     def _value(self, name: str) -> float:
-        owner = self._view if name == 'displacement' else self._view.parameters
-        return float(getattr(owner, name))
+        view, beside = self._shown.view, self._shown.beside
+        if name == 'beside':
+            return view.parameters.alpha if beside is None else beside
+        return float(getattr(view if name == 'displacement' else view.parameters, name))
 
-    def _ask(self, **changes: object) -> None:
-        try:
-            view = dataclasses.replace(self._view, **changes)  # type: ignore[arg-type]
-        except ValueError as error:
-            self._report(str(error), False)
-            return
-        if view != self._view:
-            self._view = view
-            self._worker.ask(view)
+    def _show(self, shown: Shown) -> None:
+        """Show something else, as far as it differs; the address follows."""
+        before, self._shown = self._shown, shown
+        self._address.text = '?' + shown.query()
+        if shown.view != before.view:
+            self._pane.ask(shown.view)
+        if (shown.view, shown.beside) != (before.view, before.beside):
+            self._show_beside()
 
-    def _set(self, name: str, value: float) -> bool:
-        """Ask for a view with another value, if it is one; the clicked point moves on with it."""
-        if value == self._value(name):
-            return False
-        changes: dict[str, object] = {name: value}
+    def _ask(self, **changes: object) -> bool:
+        """Ask for another view; return whether it can be."""
         try:
-            if name != 'displacement':
-                changes = {'parameters': dataclasses.replace(
-                    self._view.parameters, **{name: value})}
+            view = dataclasses.replace(self._shown.view, **changes)  # type: ignore[arg-type]
         except ValueError as error:
             self._report(str(error), False)
             return False
-        self._ask(**changes)
-        self._click(*self._clicked)
+        self._show(dataclasses.replace(self._shown, view=view))
         return True
 
-    def _slide(self, name: str, attr: str, old: float, new: float) -> None:
-        if self._set(name, float(new)) and name == 'alpha':
-            # Its own callback then finds nothing new.
-            self._alpha.value = float(new)
+    def _set(self, name: str, attr: str, old: float | None, value: float | None) -> None:
+        """Take what is slid or typed; the clicked point moves on with it."""
+        if value is not None and value != self._value(name) and self._can_be(name, float(value)):
+            if name != 'beside':
+                self._click(*self._shown.point)
+        value, slider = self._value(name), self._sliders[name]
+        # Their own callbacks then find nothing new.
+        slider.update(start=min(slider.start, value), end=max(slider.end, value), value=value)
+        self._typed[name].value = value
 
-    def _type_alpha(self, attr: str, old: float | None, value: float | None) -> None:
-        if value is not None and self._set('alpha', value):
-            slider = self._sliders['alpha']
-            slider.update(end=max(slider.end, value), value=value)
+    def _can_be(self, name: str, value: float) -> bool:
+        if name == 'displacement':
+            return self._ask(displacement=value)
+        changed = {'alpha' if name == 'beside' else name: value}
+        try:
+            parameters = dataclasses.replace(self._shown.view.parameters, **changed)
+        except ValueError as error:
+            self._report(str(error), False)
+            return False
+        if name == 'beside':
+            self._show(dataclasses.replace(self._shown, beside=value))
+            return True
+        return self._ask(parameters=parameters)
+
+    def _toggle(self, attr: str, old: bool, new: bool) -> None:
+        self._show(dataclasses.replace(
+            self._shown, beside=self._value('beside') if new else None))
+
+    def _show_beside(self) -> None:
+        """Show the same plane at the second alpha, or the trajectory in its place."""
+        beside = self._shown.beside
+        self._second.visible = beside is not None
+        self._first.visible = beside is None
+        if beside is None:
+            if self._beside:
+                self._beside.stop()
+                self._beside, self._second.children = None, [self._other]
+            return
+        if self._beside is None:
+            plane = PlaneFigure(self._shown.view, self._move, self._click,
+                                self._plane.figure, '_beside')
+            plane.mark(*self._shown.point)
+            # An attractor has the same colour on both planes.
+            self._beside = Pane(self._document, plane, self._shared.catalogues, self._is_open,
+                                self._pane.colours, '_beside')
+            self._second.children = [self._other, self._beside.layout]
+        self._beside.ask(dataclasses.replace(self._shown.view, parameters=dataclasses.replace(
+            self._shown.view.parameters, alpha=beside)))
+
+    def _move(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
+        self._ask(phase=phase, velocity=velocity)
 
     def _go_home(self) -> None:
         self._plane.go_to(self._home.phase, self._home.velocity)
-        self._ask(phase=self._home.phase, velocity=self._home.velocity)
+        self._move(self._home.phase, self._home.velocity)
 
     def _click(self, phase: float, velocity: float) -> None:
-        view = self._view
-        self._plane.mark(phase, velocity)
+        view = self._shown.view
+        for pane in filter(None, (self._pane, self._beside)):
+            pane.plane.mark(phase, velocity)
         try:
             self._trajectory = follow(view.parameters, phase, view.displacement, velocity)
         except ValueError as error:
             self._report(str(error), False)
             return
-        self._clicked = (phase, velocity)
+        self._show(dataclasses.replace(self._shown, point=(phase, velocity)))
         self._figures.show(self._trajectory)
         self._figures.motion.title.text = self._words(self._trajectory)
 
@@ -176,38 +240,13 @@ class Page:
         return words
 
     def _send(self) -> None:
-        trajectory, parameters = self._trajectory, self._view.parameters
+        trajectory, parameters = self._trajectory, self._shown.view.parameters
         if trajectory is None:
             self._report('click a point first', False)
             return
         self._report('looking for the simulator ...', True)
         threading.Thread(daemon=True, target=lambda: self._report_later(
             *self._shared.link.send(trajectory.state, parameters))).start()
-
-    def _offer(self, picture: Picture) -> None:
-        """Take a picture from the worker, in place of one that has not been drawn yet."""
-        with self._lock:
-            is_first = self._waiting is None
-            self._waiting = picture
-        if is_first:
-            self._document.add_next_tick_callback(self._draw)
-
-    def _draw(self) -> None:
-        with self._lock:
-            picture, self._waiting = self._waiting, None
-        if picture is None or picture.view != self._view:
-            return
-        self._colours = self._colours.followed(picture.known)
-        self._plane.show(picture, self._colours)
-        self._legend.text = legend(picture, self._colours)
-        view = picture.view
-        limit = view.limit()
-        done = '' if picture.done == 1.0 else f' ({picture.done:.0%})'
-        more = '' if picture.is_last else ', refining'
-        text = (f'{picture.cells} × {picture.cells}{done}{more}, {picture.seconds:.2f} s; window '
-                f'{view.phase[1] - view.phase[0]:.3g} rad × '
-                f'{view.velocity[1] - view.velocity[0]:.3g}')
-        self._status.text = f'<b style="color:#b22e18">{limit}</b>' if limit else text
 
     def _report(self, text: str, is_good: bool) -> None:
         colour = '#222' if is_good else '#b22e18'

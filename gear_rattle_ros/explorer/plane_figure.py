@@ -30,18 +30,21 @@ class PlaneFigure:
     """The plane of initial conditions."""
 
     def __init__(self, view: View, moved: Callable[[Window, Window], None],
-                 clicked: Callable[[float, float], None]) -> None:
-        x_range = Range1d(*view.phase, bounds=(-PHASE_BOUND, PHASE_BOUND),
-                          min_interval=NARROWEST, max_interval=TWO_PI)
-        y_range = Range1d(*view.velocity, bounds=(-VELOCITY_BOUND, VELOCITY_BOUND),
-                          min_interval=NARROWEST)
-        self.source = ColumnDataSource(name='picture', data={
-            name: [] for name in ('image', 'label', 'lifetime', 'exponent', 'x', 'y', 'dw', 'dh')})
+                 clicked: Callable[[float, float], None], along: figure | None = None,
+                 name: str = '') -> None:
+        # `along` is a plane whose window this one shares, `name` an ending of all names.
+        x_range, y_range = (along.x_range, along.y_range) if along else (
+            Range1d(*view.phase, bounds=(-PHASE_BOUND, PHASE_BOUND), min_interval=NARROWEST,
+                    max_interval=TWO_PI),
+            Range1d(*view.velocity, bounds=(-VELOCITY_BOUND, VELOCITY_BOUND),
+                    min_interval=NARROWEST))
+        self.source = ColumnDataSource(name=f'picture{name}', data={
+            each: [] for each in ('image', 'label', 'lifetime', 'exponent', 'x', 'y', 'dw', 'dh')})
         self._names = ColumnDataSource(data={'label': [], 'name': []})
-        self._point = ColumnDataSource(name='point', data={'x': [], 'y': []})
+        self._point = ColumnDataSource(name=f'point{name}', data={'x': [], 'y': []})
         wheel = models.WheelZoomTool()
         self.figure = figure(
-            name='plane', width=WIDTH, height=HEIGHT, x_range=x_range, y_range=y_range,
+            name=f'plane{name}', width=WIDTH, height=HEIGHT, x_range=x_range, y_range=y_range,
             tools=[models.PanTool(), wheel, models.BoxZoomTool(),
                    models.SaveTool(filename='explorer')],
             active_scroll=wheel, toolbar_location='right', min_border_left=66)
@@ -70,7 +73,7 @@ class PlaneFigure:
                     : value.toFixed(3).replace('-', '\u2212'));"""),
             '$x': read_out(x_range), '$y': read_out(y_range)}))
         self._moved, self._is_moving = moved, False
-        for range_ in (x_range, y_range):
+        for range_ in () if along else (x_range, y_range):
             for end in ('start', 'end'):
                 range_.on_change(end, self._note)
         plot.on_event(Tap, lambda event: clicked(event.x, event.y))

@@ -17,6 +17,7 @@ from bokeh.application.handlers.function import FunctionHandler
 from bokeh.document import Document
 from bokeh.server.server import Server
 
+from .address import Shown
 from .catalogues import Catalogues
 from .computing import pictures
 from .page import FIRST_POINT, Page, Shared
@@ -49,7 +50,12 @@ def make_server(shared: Shared, view: View, port: int) -> Server:
                 joined.set()
             return bool(connections) or not joined.is_set()
 
-        page = Page(document, shared, view, is_open)
+        shown, refused = Shown(view, FIRST_POINT), ''
+        try:
+            shown = shown.given(session.request.arguments)
+        except ValueError as error:
+            refused = str(error)
+        page = Page(document, shared, shown, view, is_open, refused)
         document.on_session_destroyed(lambda context: page.close())
 
     return Server(
@@ -82,7 +88,8 @@ def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
         for _ in itertools.islice(pictures(
                 dataclasses.replace(view, kind=EXPONENTS), Catalogues(), lambda: None), 1):
             pass
-        follow(view.parameters, *FIRST_POINT)
+        phase, velocity = FIRST_POINT
+        follow(view.parameters, phase, view.displacement, velocity)
     server.start()
     address = f'http://{ADDRESS}:{server.port}/'
     print(f'{NAME}: {address} (Ctrl-C ends it)', flush=True)

@@ -6,6 +6,7 @@ The rates at which trajectories escape beyond it, fitted by a law in which it is
 and give the exponent of the lifetimes.
 """
 
+import contextlib
 import dataclasses
 import math
 from typing import Any, Final, Unpack
@@ -21,6 +22,7 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import Plane, STATE
+from ..core.arrays import FloatArray
 from ..core.defaults import SEED
 from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
@@ -77,23 +79,23 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.24, 1.25),
     require_window(alphas)
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')
-    key, end, captor = find_ending(parameters, alphas, plane, attractor, seed)
+    key, end, captors = find_ending(parameters, alphas, plane, attractor, seed)
     # The search begins with many saddles, of which it is not known how many there are.
     with work.report('crisis, searches of the manifold', SEARCHES, uneven=True) as progress:
         tangency = touch(end, progress.add)
     places = amplitudes(tangency.alpha, end.direction, *beyond, rates)
     store = compute(Escapes(
         places, parameters, plane, escapes, seed, skip, limit, min(limit, BEFORE),
-        tuple(carry(captor, alpha).points for alpha in places), radius_of(captor, tangency)),
-        {'attractor': key, 'captor': captor.key, 'direction': end.direction,
+        tuple(points_at(captors, alpha) for alpha in places), radius_of(captors[0], tangency)),
+        {'attractor': key, 'captor': captors[0].key, 'direction': end.direction,
          **attributes_of(tangency)}, work)
     write_law(store)
     return store
 
 
 def find_ending(parameters: Parameters, alphas: tuple[float, float], plane: Plane, key: str,
-                seed: int) -> tuple[str, End, Orbit]:
-    """Find the first that ends in a crisis, from either alpha: its key, end and captor."""
+                seed: int) -> tuple[str, End, list[Orbit]]:
+    """Find the first that ends in a crisis: its key, end, captor and other stable orbits."""
     seen: list[str] = []  # the chaotic attractors, and what becomes of them
     for inside, outside in (alphas, alphas[::-1]):
         here = dataclasses.replace(parameters, alpha=inside)
@@ -110,7 +112,8 @@ def find_ending(parameters: Parameters, alphas: tuple[float, float], plane: Plan
             end = find_end(herd, math.copysign(1.0, outside - inside),
                            abs(outside - inside) / STEPS, outside, TOLERANCE, HOLD)
             if end and end.kind == 'crisis' and isinstance(end.captor, Orbit):
-                return one.key, end, end.captor
+                # What escapes may settle on another one, too.
+                return one.key, end, [end.captor, *found.orbits]
             seen.append(f'{one.key} at {inside:g} ' + (
                 f'ends at {end.alpha:.6f}: {end.kind}' if end else 'lasts all along'))
     raise ValueError(
@@ -131,6 +134,18 @@ def attributes_of(tangency: Tangency) -> dict[str, Any]:
         'tangency': 'homoclinic' if contact.is_homoclinic else 'heteroclinic',
         'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
         'tangency_exponent': contact.lifetime_exponent}
+
+
+def points_at(captors: list[Orbit], alpha: float) -> tuple[FloatArray, ...]:
+    """Return the points at an alpha of the captor and of what else is stable there, once each."""
+    first, *others = captors
+    carried = [carry(first, alpha)]
+    for orbit in others:
+        # One that does not last to there captures nothing.
+        with contextlib.suppress(ValueError):
+            carried.append(carry(orbit, alpha))
+    known = {one.key: one.points for one in carried if one is carried[0] or one.is_stable}
+    return tuple(known.values())
 
 
 def radius_of(captor: Orbit, tangency: Tangency) -> float:

@@ -41,7 +41,7 @@ class Escapes:
     skip: int  # impacts within which escapes do not count: these began in the basin
     limit: int  # impacts after which a trajectory is given up
     limit_before: int  # the same, at the first alpha
-    points: tuple[FloatArray, ...]  # of the captor at each alpha (phase, velocity)
+    captors: tuple[tuple[FloatArray, ...], ...]  # points of each at each alpha (phase, velocity)
     radius: float  # a trajectory is captured within this of them [rad, 1]
 
     @property
@@ -81,10 +81,12 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
     """Time the escapes of one part at one alpha into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
     parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
+    captors = escapes.captors[k]
     initial = escapes.plane.draw(parameters, escapes.trajectories, escapes.seed * 1_000_003 + part)
     lifetimes, fates, ends = last_until_captured(
-        new_tiles(1)[0], initial, escapes.points[k], escapes.radius, escapes.skip,
-        escapes.wanted_of_part, escapes.limit if k else escapes.limit_before)
+        new_tiles(1)[0], initial, np.concatenate(captors), np.array([len(one) for one in captors]),
+        escapes.radius, escapes.skip, escapes.wanted_of_part,
+        escapes.limit if k else escapes.limit_before)
     survivors = np.flatnonzero(fates == SURVIVED)
     if len(survivors):
         again = make_initial_conditions(parameters, *ends[survivors].T)

@@ -90,10 +90,11 @@ def test_page_loads_and_draws_both_basins(tab: Tab, tmp_path: Path) -> None:
     catalogue = find_attractors(parameters, plane.draw(parameters, 300, 4),
                                 chaotic=False)
     labels = catalogue.label(plane.cells(parameters, slice(0, 150), slice(0, 150)), CAP)['label']
-    for number in (0, 1):
-        assert np.mean(near[..., number]) == pytest.approx(np.mean(labels == number), abs=0.03)
+    # The orbit of two impacts is B, which has the second colour.
+    for label, hue in ((0, 1), (1, 0)):
+        assert np.mean(near[..., hue]) == pytest.approx(np.mean(labels == label), abs=0.03)
     legend = tab.get('legend', 'text')
-    assert legend.index(HUES[0]) < legend.index('orbit-2-1') < legend.index(HUES[1])
+    assert legend.index(HUES[1]) < legend.index('B orbit-2-1') < legend.index(HUES[0])
 
 
 def test_wheel_zooms_and_every_cell_is_computed_afresh(tab: Tab) -> None:
@@ -129,7 +130,7 @@ def test_slider_changes_alpha_and_colours_stay(tab: Tab) -> None:
     for _ in range(15):
         handle.press('ArrowRight')
     tab.wait("Bokeh.documents[0].get_model_by_name('exact_alpha').value == 0.495")
-    names = ('orbit-2-1-U5.49', 'orbit-3-1-U4.1', 'orbit-3-1-U5.1')
+    names = ('A orbit-3-1-U4.1', 'B orbit-2-1-U5.49', 'C orbit-3-1-U5.1')
     # Before it the pictures of the steps in between are shown.
     tab.wait(f"""{list(names)}.every((name) => Bokeh.documents[0].get_model_by_name(
         'legend').text.includes(name))""")
@@ -137,6 +138,33 @@ def test_slider_changes_alpha_and_colours_stay(tab: Tab) -> None:
     found = [(colour, name) for colour in HUES for name in names
              if f'background:{colour}"></span> {name}' in legend]
     assert found == list(zip(HUES, names, strict=False))
+
+
+def test_a_view_can_be_sent_by_its_address(tab: Tab) -> None:
+    """Another page shows the same window, parameters and second plane, without a click."""
+    tab.page.get_by_text('compare').click()
+    second = tab.page.locator('input').last
+    second.fill('0.57')
+    second.press('Enter')
+    gamma = tab.page.locator('input').nth(2)
+    gamma.fill('0.12')
+    gamma.press('Enter')
+    tab.wait("location.search.includes('gamma=0.12') && location.search.includes('beside=0.57')")
+    sent = tab.page.url
+    tab.page.goto('about:blank')
+    tab.page.goto(sent)
+    tab.wait("window.Bokeh && Bokeh.documents.length > 0")
+    for plane, cells in (('picture', 100), ('picture_beside', 100)):
+        tab.wait(f"""(() => {{
+            const data = Bokeh.documents[0].get_model_by_name('{plane}').data;
+            return data.image.length == 1 && data.image[0].shape[0] >= {cells};
+        }})()""")
+    assert tab.page.url == sent
+    assert tab.get('gamma', 'value') == 0.12
+    assert tab.get('beside', 'value') == 0.57
+    # B is chaotic there, in the colour that it has on the first plane.
+    tab.wait(f"""Bokeh.documents[0].get_model_by_name('legend_beside').text.includes(
+        'background:{HUES[0]}')""")
 
 
 def test_click_shows_the_trajectory(tab: Tab) -> None:

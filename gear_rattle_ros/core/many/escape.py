@@ -61,15 +61,21 @@ def escape_rate(lifetimes: npt.ArrayLike, censored: npt.ArrayLike, skip: float,
 
 
 @kernel
-def last_until_captured(tile: Record, initial: RecordArray, points: FloatArray, radius: float,
-                        skip: int, wanted: int, limit: int
+def last_until_captured(tile: Record, initial: RecordArray, points: FloatArray,
+                        impacts_of: IntArray, radius: float, skip: int, wanted: int, limit: int
                         ) -> tuple[IntArray, IntArray, FloatArray]:
     """Follow trajectories until `wanted` of them are captured after more than `skip` impacts."""
-    # One is captured when q + 1 impacts in a row lie within `radius` [rad, 1] of an orbit's
-    # `points` (phases and velocities, shape (q, 2)), and given up after `limit` impacts. Returns
-    # the impacts until then, CAPTURED, SURVIVED, ENDED or UNUSED, and the last phase, displacement
-    # and velocity [rad, 1, 1] of each. No time goes into waiting for a last long transient.
-    q = len(points)
+    # One is captured when q + 1 impacts in a row lie within `radius` [rad, 1] of an orbit of q,
+    # and given up after `limit` impacts; `points` (phases and velocities, shape (n, 2)) has orbit
+    # after orbit, `impacts_of` the q of each. Returns the impacts until then, CAPTURED, SURVIVED,
+    # ENDED or UNUSED, and the last phase, displacement and velocity [rad, 1, 1] of each. No time
+    # goes into waiting for a last long transient.
+    following_point, q = np.arange(1, len(points) + 1), np.zeros(len(points), np.int64)
+    begin = 0
+    for count in impacts_of:
+        q[begin:begin + count] = count
+        following_point[begin + count - 1] = begin
+        begin += count
     lifetimes, fates = np.zeros(len(initial), np.int64), np.full(len(initial), UNUSED)
     ends = np.zeros((len(initial), 3))
     impacts = new_impacts(STEPS)
@@ -88,22 +94,23 @@ def last_until_captured(tile: Record, initial: RecordArray, points: FloatArray, 
             for k in range(tile.count[i]):
                 one = impacts[i, k]
                 made[i] += 1
-                first, last = 0, q
+                first, last = 0, len(points)
                 if row[i] > 0:
-                    first = (where[i] + 1) % q
+                    first = following_point[where[i]]
                     last = first + 1
-                near = -1
+                near, least = -1, radius
                 for j in range(first, last):
-                    if distance(one.velocity, one.phase, points[j, 1], points[j, 0]) < radius:
-                        near = j
+                    apart = distance(one.velocity, one.phase, points[j, 1], points[j, 0])
+                    if apart < least:
+                        near, least = j, apart
                 if near >= 0:
                     row[i] += 1
                     where[i] = near
                 else:
                     row[i] = 0
-                if row[i] > q or made[i] >= limit:
+                if row[i] > q[where[i]] or made[i] >= limit:
                     break
-            is_caught, is_late = row[i] > q, made[i] >= limit
+            is_caught, is_late = row[i] > q[where[i]], made[i] >= limit
             lifetimes[number] = made[i] - (row[i] if is_caught else 0)
             fates[number] = SURVIVED
             if is_caught:

@@ -1,0 +1,70 @@
+"""The state of a page as the query of its address, which can be sent to somebody."""
+
+from collections.abc import Mapping, Sequence
+import dataclasses
+from typing import Any, Final
+from urllib.parse import urlencode
+
+from .view import View
+from ..core.model import Parameters
+
+MODEL: Final = tuple(field.name for field in dataclasses.fields(Parameters))
+WINDOWS: Final = ('phase', 'velocity')
+POINT: Final = 'point'
+BESIDE: Final = 'beside'
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """What a page shows."""
+
+    view: View
+    point: tuple[float, float]  # phase and velocity of the trajectory that is shown [rad, 1]
+    beside: float | None = None  # alpha of a second plane, if there is one [1]
+
+    def query(self) -> str:
+        """Write it as the query of an address."""
+        view = self.view
+        words = {name: repr(getattr(view.parameters, name)) for name in MODEL}
+        words |= {'displacement': repr(view.displacement), 'kind': view.kind}
+        words |= {name: _pair(getattr(view, name)) for name in WINDOWS}
+        words[POINT] = _pair(self.point)
+        if self.beside is not None:
+            words[BESIDE] = repr(self.beside)
+        return urlencode(words, safe=',')
+
+    def given(self, query: Mapping[str, Sequence[bytes]]) -> 'Shown':
+        """Return the state with what a query gives; `ValueError` names what it does not take."""
+        words = {name: values[-1].decode(errors='replace') for name, values in query.items()}
+        model = {name: _number(name, words[name]) for name in MODEL if name in words}
+        changes: dict[str, Any] = {
+            name: _numbers(name, words[name]) for name in WINDOWS if name in words}
+        if 'displacement' in words:
+            changes['displacement'] = _number('displacement', words['displacement'])
+        if 'kind' in words:
+            changes['kind'] = words['kind']
+        parameters = dataclasses.replace(self.view.parameters, **model)
+        view = dataclasses.replace(self.view, parameters=parameters, **changes)
+        beside = _number(BESIDE, words[BESIDE]) if BESIDE in words else self.beside
+        if beside is not None:
+            dataclasses.replace(view.parameters, alpha=beside)
+        return Shown(view, _numbers(POINT, words[POINT]) if POINT in words else self.point,
+                     beside)
+
+
+def _pair(values: tuple[float, float]) -> str:
+    return ','.join(map(repr, values))
+
+
+def _number(name: str, word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise ValueError(f'{name}={word} in the address is not a number') from None
+
+
+def _numbers(name: str, word: str) -> tuple[float, float]:
+    first, comma, second = word.partition(',')
+    if not comma:
+        raise ValueError(f'{name}={word} in the address is not two numbers with a comma between')
+    return _number(name, first), _number(name, second)

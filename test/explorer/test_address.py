@@ -1,0 +1,40 @@
+"""The state of a page in its address, read back by the standard library."""
+
+from urllib.parse import parse_qs
+
+import pytest
+
+from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.explorer.address import Shown
+from gear_rattle_ros.explorer.view import LIFETIMES, View
+
+HOME = Shown(View(), (4.0, -0.5))
+
+
+@pytest.mark.parametrize('shown', [HOME, Shown(
+    View(Parameters(0.4812345678901234, 0.11, -0.1, 0.85), -0.25,
+         (-1.2345678901234567, -1.2345670000000001), (-0.1, 0.30000000000000004), LIFETIMES),
+    (1e-17, -1.5), 1.2432027802)])
+def test_what_is_shown_comes_back_to_the_bit(shown: Shown) -> None:
+    query = parse_qs(shown.query().encode())
+    assert HOME.given({name.decode(): values for name, values in query.items()}) == shown
+
+
+@pytest.mark.parametrize(('query', 'line'), [
+    ('alpha=much', 'alpha=much in the address is not a number'),
+    ('alpha=-1', 'alpha = -1.0 is outside'),
+    ('beside=-1', 'alpha = -1.0 is outside'),
+    ('phase=1', 'phase=1 in the address is not two numbers'),
+    ('velocity=1,x', 'velocity=x in the address is not a number'),
+    ('velocity=1,0', 'empty or reversed'),
+    ('kind=colours', 'is not one of basins')])
+def test_an_address_that_cannot_be_is_refused(query: str, line: str) -> None:
+    words = {name: [value.encode() for value in values]
+             for name, values in parse_qs(query).items()}
+    with pytest.raises(ValueError, match=line):
+        HOME.given(words)
+
+
+def test_what_is_not_given_stays() -> None:
+    shown = HOME.given({'alpha': [b'0.57'], 'unknown': [b'1']})
+    assert shown == Shown(View(Parameters(alpha=0.57)), HOME.point)
