@@ -142,13 +142,13 @@ def test_slider_changes_alpha_and_colours_stay(tab: Tab) -> None:
 
 def test_a_view_can_be_sent_by_its_address(tab: Tab) -> None:
     """Another page shows the same window, parameters and second plane, without a click."""
+    gamma = tab.page.locator('input').nth(2)
+    gamma.fill('0.12')
+    gamma.press('Enter')
     tab.page.get_by_text('compare').click()
     second = tab.page.locator('input').last
     second.fill('0.57')
     second.press('Enter')
-    gamma = tab.page.locator('input').nth(2)
-    gamma.fill('0.12')
-    gamma.press('Enter')
     tab.wait("location.search.includes('gamma=0.12') && location.search.includes('beside=0.57')")
     sent = tab.page.url
     tab.page.goto('about:blank')
