@@ -38,6 +38,7 @@ def test_short_transients_have_the_labels_of_50_digits(grid):
     np.testing.assert_array_equal(grid.ours().labels, grid.exact().labels)
 
 
+@pytest.mark.long
 def test_peer_returns_to_its_wall_and_gives_up_what_sticks(grid, tmp_path):
     """From the upper wall back to it is found; scipy has no label only where the gear sticks."""
     grid.initial = grid.initial[:2].copy()

@@ -224,6 +224,7 @@ def test_the_tool_locates_what_is_known_in_closed_form(tmp_path):
         assert abs(one[2] - exact) <= one[3] <= 1e-9
 
 
+@pytest.mark.long
 def test_an_attractor_that_is_missed_ends_where_its_branch_does(tmp_path):
     """Few initial conditions reach the orbit of one impact, hardly any near its grazing."""
     found = events(tmp_path, '--beta 0 --gamma 0.16 --restitution 0.8 --alpha 0.06 0.18 '
@@ -372,6 +373,7 @@ def test_one_end_of_a_thin_basin_in_the_whole_window(tmp_path):
     assert not [one for one in found if one[0] == mine[0][0] and one not in mine]
 
 
+@pytest.mark.long
 def test_the_cascade_of_b_has_feigenbaums_ratio(tmp_path, capsys):
     """And the tool prints and draws what it stores."""
     picture = tmp_path / 'k.png'
