@@ -23,8 +23,8 @@ command: {command}
 view: {view}
 store: '{store}'
 """
-DIAGRAM = ('orbit_diagram --alpha 1.3 1.37 --columns 300 --bins 400 --trajectories 1 --keep 256 '
-           '--sweep random')
+DIAGRAM = ('orbit_diagram --alpha 1.3 1.37 --columns 100 --bins 400 --trajectories 1 --keep 256 '
+           '--skip 300 --sweep random')
 SECTION = 'section --alpha 1.244 --initial 0 -0.5 0 --skip 0 --keep 900 --bins 300 200'
 COMMANDS = {
     '1': ('section --alpha 0.57 --trajectories 8 --skip 500 --keep 1000 --bins 300 200', '', ''),
@@ -57,7 +57,7 @@ def test_every_figure_of_the_paper_has_a_recipe():
 
 
 @pytest.mark.parametrize(('figure', 'size'), [
-    ('1', (420, 354)), ('2a', (1030, 530)), ('2b', (1030, None)), ('3', (920, 932)), ('4b', None)])
+    ('1', (420, 354)), ('2a', (930, 530)), ('2b', (930, None)), ('3', (920, 932)), ('4b', None)])
 def test_pictures_are_not_blank_and_have_their_size(drawn, figure, size):
     picture = imread(drawn / f'figure-{figure}.png')[..., :3]
     if size is not None:
@@ -72,11 +72,11 @@ def test_a_raster_has_a_pixel_for_each_alpha_and_bin(drawn):
     from gear_rattle_ros.store.store import Store
     store = Store(drawn / 'data' / 'figure-2.zarr')
     picture = imread(drawn / 'figure-2a.png')[..., :3]
-    # Inside of the axes: 300 columns three pixels wide, 400 bins one pixel high.
-    inside = picture[64:464, 100:1000]
+    # Inside of the axes: 100 columns eight pixels wide, 400 bins one pixel high.
+    inside = picture[64:464, 100:900]
     counts = store.read_all('count')[0].sum(axis=1).T[::-1]
-    drawn_here = np.any(inside[:, 1::3] < 0.999, axis=2)
-    assert inside.shape == (400, 900, 3)
+    drawn_here = np.any(inside[:, 4::8] < 0.999, axis=2)
+    assert inside.shape == (400, 800, 3)
     # Away from the frame; a bin widens by its neighbours.
     assert np.all(drawn_here[4:-4, 4:-4][counts[4:-4, 4:-4] > 0])
     assert np.mean(drawn_here[4:-4, 4:-4]) < 3.2 * np.mean(counts[4:-4, 4:-4] > 0)
