@@ -5,6 +5,7 @@ import dataclasses
 import difflib
 import functools
 import math
+import types
 from typing import Final, TypeAlias
 
 from rcl_interfaces import msg
@@ -184,10 +185,16 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'recorder': RECORDER, 'replay': REPLAY, 'teleop': TELEOP, 'viewer': VIEWER}
 
 
-def declare(node: Node, table: Sequence[Specification], given: Mapping[str, Value],
-            defaults: Mapping[str, Value]) -> dict[str, Value]:
+def given_to(node: Node) -> dict[str, Value]:
+    """Return the parameters of a node whose overrides are declared."""
+    return {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
+
+
+def declare(node: Node, table: Sequence[Specification],
+            defaults: Mapping[str, Value] = types.MappingProxyType({})) -> dict[str, Value]:
     """Declare a table on a node whose overrides are; ValueError names a bad one."""
     names = [specification.name for specification in table]
+    given = given_to(node)
     for name in given:
         if name not in names and not name.startswith(_OF_ROS):
             # ROS ignores it: a section /** has the parameters of other nodes, too.

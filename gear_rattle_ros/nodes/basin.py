@@ -154,11 +154,12 @@ class Basin(ReportingNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('basin', **options)
+        cap, threads, niceness = (
+            int(self.number(name)) for name in ('cap', 'threads', 'niceness'))
         self._settings = Settings(
             sizes_up_to(int(self.number('size'))), self.values['plane'] == 'section',
             self.number('displacement'), self.number('velocity_limit'),
-            *(int(self.number(name)) for name in ('cap', 'threads', 'niceness')),
-            frame=self.frame())
+            cap, threads, niceness, self.frame())
         self._memory = Memory()
         self._wanted: Wanted | None = None
         # The job that runs, and the one that was started last.

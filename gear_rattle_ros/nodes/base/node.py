@@ -18,7 +18,7 @@ from .errors import UserError
 from .services import harden
 from ...core.words import shown
 from ...messages import diagnostic_array, SECTION_FRAME
-from ...parameters import declare, TABLES, Value
+from ...parameters import declare, given_to, TABLES, Value
 from ...qos import check_overrides, OVERRIDABLE, OVERRIDING
 
 
@@ -33,8 +33,7 @@ class BaseNode(Node):
             # Errors of rcl: a name that is not valid, or DDS that does not start.
             raise UserError(' '.join(str(error).split())) from error
         harden(self)
-        self.given = given = {
-            each: self.get_parameter(each).value for each in self.get_parameters_by_prefix('')}
+        self.given = given = given_to(self)
         if name in OVERRIDABLE:
             check_overrides(given, {place: [self.resolve_topic_name(topic) for topic in topics]
                                     for place, topics in OVERRIDABLE[name].items()})
@@ -42,7 +41,7 @@ class BaseNode(Node):
             if each.startswith('qos_overrides.'):
                 # Declared again, read-only, with the publisher or subscription.
                 self.undeclare_parameter(each)
-        self.values = declare(self, TABLES[name], given, self.defaults(given))
+        self.values = declare(self, TABLES[name], self.defaults(given))
 
     def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
         """Return defaults of parameters that depend on what is given."""
