@@ -73,6 +73,7 @@ setup(
     long_description=readme.read_text(encoding='utf-8') if readme.exists() else '',
     long_description_content_type='text/markdown',
     license=manifest.findtext('license'),
+    url=manifest.findtext('url'),
     author=manifest.findtext('author'),
     author_email=manifest.find('author').get('email'),
     maintainer=manifest.findtext('maintainer'),
