@@ -35,7 +35,8 @@ def drive_time_nanoseconds(cycle: int, phase: float, omega: float) -> int:
     return round(cycle * period) + round(phase / omega * 1e9)
 
 
-def cloud_from_events(events: EventArray, stamp: Time) -> PointCloud2:
+def cloud_from_events(events: EventArray, stamp: Time,
+                      frame: str = SECTION_FRAME) -> PointCloud2:
     """Return a PointCloud2 with an EVENT array of shape (n,) and float32 positions in front."""
     points = np.empty(len(events), POINT)
     points['x'] = events['phase']
@@ -43,32 +44,35 @@ def cloud_from_events(events: EventArray, stamp: Time) -> PointCloud2:
     points['z'] = events['displacement']
     for name in EVENT.names or ():
         points[name] = events[name]
-    return _cloud(points, _FIELDS, stamp)
+    return _cloud(points, _FIELDS, stamp, frame)
 
 
-def cloud_from_records(records: npt.NDArray[np.void], stamp: Time) -> PointCloud2:
+def cloud_from_records(records: npt.NDArray[np.void], stamp: Time,
+                       frame: str = SECTION_FRAME) -> PointCloud2:
     """Return a PointCloud2 with the fields of a packed little-endian record array."""
     kinds = {'<f4': PointField.FLOAT32, '<f8': PointField.FLOAT64, '<i4': PointField.INT32,
              '<u4': PointField.UINT32}
     fields = [
         PointField(name=name, offset=offset, datatype=kinds[dtype.str], count=1)
         for name, (dtype, offset, *_) in (records.dtype.fields or {}).items()]
-    return _cloud(records, fields, stamp)
+    return _cloud(records, fields, stamp, frame)
 
 
-def _cloud(records: npt.NDArray[np.void], fields: list[PointField], stamp: Time) -> PointCloud2:
+def _cloud(records: npt.NDArray[np.void], fields: list[PointField], stamp: Time,
+           frame: str) -> PointCloud2:
     # An array of bytes is moved; a numpy array would be copied element by element.
     return PointCloud2(
-        header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=1, width=len(records),
+        header=Header(stamp=stamp, frame_id=frame), height=1, width=len(records),
         fields=fields, is_bigendian=False, point_step=records.dtype.itemsize,
         row_step=records.nbytes, is_dense=True, data=array.array('B', records.tobytes()))
 
 
-def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time) -> Image:
+def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time,
+                      frame: str = SECTION_FRAME) -> Image:
     """Return an rgb8 Image of pixels of shape (height, width, 3), top row first."""
     height, width, _ = pixels.shape
     return Image(
-        header=Header(stamp=stamp, frame_id=SECTION_FRAME), height=height, width=width,
+        header=Header(stamp=stamp, frame_id=frame), height=height, width=width,
         encoding='rgb8', step=3 * width, data=array.array('B', pixels.tobytes()))
 
 

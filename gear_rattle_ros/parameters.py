@@ -5,6 +5,7 @@ import dataclasses
 import difflib
 import functools
 import math
+import types
 from typing import Final, TypeAlias
 
 from rcl_interfaces import msg
@@ -76,6 +77,7 @@ _OF_ROS: Final = ('use_sim_time', 'qos_overrides.', 'start_type_description_serv
 BELOW_TWO_PI: Final = math.nextafter(2.0 * math.pi, 0.0)
 _fixed = Specification
 _live = functools.partial(Specification, read_only=False)
+_FRAME: Final = _fixed('frame', '', 'frame of the section; empty = section in the namespace', '')
 
 SIMULATOR: Final = (
     _live('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
@@ -104,6 +106,9 @@ SIMULATOR: Final = (
     _fixed('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0),
     _fixed('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9, 1.0),
     _fixed('publish_clock', False, 'publish the simulated time on /clock, and stamp with it', ''),
+    _FRAME,
+    _fixed('scene', '', 'scene to be played from the beginning; its first step replaces the '
+           'defaults', ''),
     _fixed('wait_for_readers', 0, 'begin when impacts has this number of subscriptions',
            'subscriptions', 0, 1000),
     _fixed('wait_at_most', 600.0, 'begin after this time without those that are missing; 0 = '
@@ -116,6 +121,8 @@ LYAPUNOV: Final = (
 TRANSIENTS: Final = (
     _fixed('tolerance', 1e-3, 'largest distance from an orbit in phase and velocity', low=1e-9,
            high=0.1),
+    _fixed('display_rate', 30.0, 'messages on last_impact per second of wall time', 'Hz', 0.0,
+           1000.0),
 )
 BASIN: Final = (
     _fixed('size', 800, 'edge of the finest picture; the first has 50, each next one twice as '
@@ -132,6 +139,7 @@ BASIN: Final = (
     _fixed('threads', 2, 'number of computing threads', 'threads', 1, 256),
     _fixed('niceness', 10, 'niceness of the first picture: 0 = as important as other processes, '
            '19 = least, as for finer pictures', '', 0, 19),
+    _FRAME,
 )
 RECORDER: Final = (
     _fixed('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', ''),
@@ -177,10 +185,16 @@ TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'recorder': RECORDER, 'replay': REPLAY, 'teleop': TELEOP, 'viewer': VIEWER}
 
 
-def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
+def given_to(node: Node) -> dict[str, Value]:
+    """Return the parameters of a node whose overrides are declared."""
+    return {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
+
+
+def declare(node: Node, table: Sequence[Specification],
+            defaults: Mapping[str, Value] = types.MappingProxyType({})) -> dict[str, Value]:
     """Declare a table on a node whose overrides are; ValueError names a bad one."""
     names = [specification.name for specification in table]
-    given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
+    given = given_to(node)
     for name in given:
         if name not in names and not name.startswith(_OF_ROS):
             # ROS ignores it: a section /** has the parameters of other nodes, too.
@@ -194,7 +208,8 @@ def declare(node: Node, table: Sequence[Specification]) -> dict[str, Value]:
         name = specification.name
         if name in given:
             node.undeclare_parameter(name)
-        values[name] = specification.check(given.get(name, specification.default))
+        values[name] = specification.check(given.get(name, defaults.get(
+            name, specification.default)))
         node.declare_parameter(
             name, values[name], specification.descriptor(), ignore_override=True)
     return values

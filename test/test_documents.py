@@ -7,6 +7,8 @@ import re
 import sys
 import xml.etree.ElementTree as ElementTree
 
+from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
+from catkin_pkg.package_version import get_forthcoming_label, rename_section
 import pytest
 import yaml
 
@@ -69,3 +71,15 @@ def test_examples_print_what_the_pages_show(tmp_path, monkeypatch, page, program
     with contextlib.redirect_stdout(printed):
         exec(compile(program, page, 'exec'), {})
     assert printed.getvalue() == shown
+
+
+def test_catkin_reads_the_changes():
+    """The next version has its section, which a release names; everything in it is a list."""
+    text = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    label = get_forthcoming_label(text)
+    released = rename_section(text, label, '0.1.0 (2026-12-31)')
+    changelog = Changelog(gear_rattle_ros.__name__)
+    populate_changelog_from_rst(changelog, released)
+    lists = changelog.get_content_of_version('0.1.0')
+    assert len(lists) == 1 and len(list(lists[0])) == 3
+    assert str(lists[0]).count('* ') > 50

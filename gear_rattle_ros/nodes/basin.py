@@ -80,6 +80,7 @@ class Settings:
     cap: int
     threads: int
     niceness: int
+    frame: str = messages.SECTION_FRAME
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,10 +154,12 @@ class Basin(ReportingNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('basin', **options)
+        cap, threads, niceness = (
+            int(self.number(name)) for name in ('cap', 'threads', 'niceness'))
         self._settings = Settings(
             sizes_up_to(int(self.number('size'))), self.values['plane'] == 'section',
             self.number('displacement'), self.number('velocity_limit'),
-            *(int(self.number(name)) for name in ('cap', 'threads', 'niceness')))
+            cap, threads, niceness, self.frame())
         self._memory = Memory()
         self._wanted: Wanted | None = None
         # The job that runs, and the one that was started last.
@@ -273,8 +276,8 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
         part['label'], part['share'] = each.label, each.share
         parts.append(part)
     return Picture(
-        messages.image_from_pixels(pixels, stamp),
-        messages.cloud_from_records(np.concatenate(parts), stamp),
+        messages.image_from_pixels(pixels, stamp, settings.frame),
+        messages.cloud_from_records(np.concatenate(parts), stamp, settings.frame),
         state_of(wanted, basins, found, colours, settings), memory)
 
 

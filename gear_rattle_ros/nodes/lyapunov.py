@@ -24,7 +24,7 @@ class Lyapunov(ReportingNode):
     """Feeds the stream to a RunningLyapunov and publishes its estimate at a steady rate."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__('lyapunov', bound_backlog, **options)
+        super().__init__('lyapunov', **options)
         window = int(self.values['window'])
         # Compile the kernels before the first batch.
         RunningLyapunov(window).update(Simulation(Parameters(), State()).advance(10, 0.0, 100))
@@ -61,4 +61,4 @@ class Lyapunov(ReportingNode):
         self._publisher.publish(named_values(values, self._input.stamp))
 
 
-main = functools.partial(run_node, 'lyapunov', Lyapunov)
+main = functools.partial(run_node, 'lyapunov', Lyapunov, room=bound_backlog)

@@ -26,6 +26,7 @@ from ..core.model import EventArray, Model, Parameters, State
 from ..core.words import counted
 from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
+from ..scenes import find_scene, Performance
 
 # Most records in one batch, 62 KB: Fast DDS cuts what is beyond 64 KB into fragments, and delivers
 # torn messages where it drops one on its way.
@@ -39,6 +40,8 @@ INITIAL = ('initial_phase', 'initial_displacement', 'initial_velocity')
 RAMP_SHOWN_EVERY = 0.25
 # A wait for readers is logged at these intervals [s].
 WAIT_LOGGED_EVERY = 10.0
+# A scene looks at these intervals whether its next step is due [s].
+SCENE_EVERY = 0.05
 # Pause at rate = 0 when there is nothing to do [s].
 IDLE = 0.005
 
@@ -47,7 +50,7 @@ class Simulator(ReportingNode):
     """Advances one trajectory in ticks, and publishes one batch of events a tick."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__('simulator', make_room, **options)
+        super().__init__('simulator', **options)
         values = self.values
         self._omega, self._rate = self.number('omega'), self.number('rate')
         self._ramp = (self.number('alpha_target'), self.number('alpha_rate'))
@@ -60,7 +63,8 @@ class Simulator(ReportingNode):
         # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
         self._outbox: list[EventArray] = []
-        self._start = self.get_clock().now().nanoseconds
+        self._start = time.time_ns()
+        self._frame = self.frame()
         self._impacts = self.create_publisher(PointCloud2, 'impacts', STREAM)
         self._joints = self.create_publisher(JointState, 'joint_states', STREAM)
         self._clock_output = (
@@ -77,8 +81,19 @@ class Simulator(ReportingNode):
         if self.number('display_rate') > 0.0:
             self.every(1.0 / self.number('display_rate'), self._publish_joints)
         self._timer = self.every(self._period(), self._tick)
+        name = str(values['scene'])
+        self._scene = Performance(find_scene(name).steps if name else ())
+        # The simulation has begun with the first step.
+        self._scene.due(0.0, math.nan)
+        self._played, self._looked = 0.0, time.monotonic()
+        if name:
+            self.every(SCENE_EVERY, self._play)
         self.get_logger().info(
             f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
+
+    def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
+        name = given.get('scene')
+        return find_scene(str(name)).steps[0].parameters if name else {}
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         now, impacts = time.monotonic(), self._simulation.impacts
@@ -124,6 +139,18 @@ class Simulator(ReportingNode):
                 f'{counted(self._awaited, "reader")} of impacts are there ({names}); '
                 + ('it begins without the others' if is_over else 'it waits'))
         return not is_over
+
+    def _play(self) -> None:
+        """Begin the next step of the scene, whose time stands still in a pause."""
+        now = time.monotonic()
+        self._played += 0.0 if self._paused or self._awaited else now - self._looked
+        self._looked = now
+        step = self._scene.due(self._played, self._simulation.parameters.alpha)
+        if step is not None:
+            self.set_parameters_atomically([
+                Parameter(name, value=value) for name, value in step.parameters.items()])
+            if step.reset:
+                self._reset(Trigger.Request(), Trigger.Response())
 
     def _period(self) -> float:
         return 0.0 if self._rate == 0.0 else self.number('tick')
@@ -209,7 +236,8 @@ class Simulator(ReportingNode):
             events, self._outbox = np.concatenate(self._outbox), []
             for first in range(0, len(events), LARGEST_BATCH):
                 self._acknowledged.publish(
-                    messages.cloud_from_events(events[first:first + LARGEST_BATCH], stamp))
+                    messages.cloud_from_events(
+                        events[first:first + LARGEST_BATCH], stamp, self._frame))
         if self._clock_output is not None:
             self._clock_output.publish(Clock(clock=stamp))
 
@@ -287,4 +315,4 @@ def _words(parameters: Parameters) -> str:
         parameters).items())
 
 
-main = functools.partial(run_node, 'simulator', Simulator)
+main = functools.partial(run_node, 'simulator', Simulator, room=make_room)

@@ -2,33 +2,43 @@
 
 from collections.abc import Mapping
 import functools
-from typing import Any
+from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
 
 from .base.dds_room import bound_backlog
 from .base.event_input import EventInput
 from .base.node import ReportingNode
 from .base.process import run_node
 from ..core.flight.simulation import Simulation
-from ..core.model import EventArray, Parameters, State
+from ..core.model import EventArray, EventKind, Parameters, State
+from ..core.orbits.letters import LETTERS
 from ..core.stream.report_values import transient_values
-from ..core.stream.transients import TransientDetector
-from ..messages import diagnostic_array
-from ..qos import LATCHED
+from ..core.stream.transients import Regime, TransientDetector, TransientReport
+from ..messages import diagnostic_array, named_values
+from ..qos import LATCHED, STREAM
+
+# What last_impact has of the record of an impact.
+SHOWN: Final = ('velocity', 'velocity_after', 'phase', 'displacement', 'alpha', 'epoch', 'index')
 
 
 class Transients(ReportingNode):
     """Feeds the stream to a TransientDetector and publishes every change."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__('transients', bound_backlog, **options)
+        super().__init__('transients', **options)
         self._tolerance = self.number('tolerance')
         # Compile the kernels before the first batch.
         TransientDetector(self._tolerance).update(
             Simulation(Parameters(), State()).advance(100, 0.0, 400))
         self._detector = TransientDetector(self._tolerance)
+        self._attractor = _number_of(self._detector.report)
+        self._last: dict[str, float] = {}
         self._publisher = self.create_publisher(DiagnosticArray, 'transient', LATCHED)
+        self._display = self.create_publisher(JointState, 'last_impact', STREAM)
+        if self.number('display_rate') > 0.0:
+            self.every(1.0 / self.number('display_rate'), self._show)
         self._input = EventInput(
             self, self._detector.guard, self._take, 'the search for an orbit begins again')
         self.get_logger().info('ready')
@@ -52,6 +62,23 @@ class Transients(ReportingNode):
                 f'{self.get_name()}: trajectory', self.get_fully_qualified_name(), 'ok', words,
                 values | {'tolerance': self._tolerance}, self._input.stamp))
             self.get_logger().info(words)
+            self._attractor = _number_of(change)
+        impacts = events[events['kind'] == EventKind.IMPACT]
+        if len(impacts):
+            self._last = {name: float(impacts[-1][name]) for name in SHOWN}
+
+    def _show(self) -> None:
+        if self._last:
+            self._display.publish(named_values(
+                {**self._last, 'attractor': self._attractor}, self._input.stamp))
+            self._last = {}
 
 
-main = functools.partial(run_node, 'transients', Transients)
+def _number_of(report: TransientReport) -> float:
+    """Return 0 for a transient, 1 for attractor A, 2 for B ..., -1 for one without a letter."""
+    if report.regime is Regime.TRANSIENT:
+        return 0.0
+    return LETTERS.index(report.letter) + 1.0 if report.letter else -1.0
+
+
+main = functools.partial(run_node, 'transients', Transients, room=bound_backlog)

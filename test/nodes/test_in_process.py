@@ -1,6 +1,7 @@
 """Several nodes of a kind in one process: each has its own parameters, topics and numbers."""
 
 import math
+import os
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,6 +27,7 @@ ENOUGH = 3000
 
 def test_two_simulators_and_two_analyses_in_one_process(domain: int) -> None:
     """Namespaces keep them apart; each exponent belongs to the parameters of its own stream."""
+    environment = dict(os.environ)
     context = Context()
     rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor(context=context)
@@ -33,15 +35,19 @@ def test_two_simulators_and_two_analyses_in_one_process(domain: int) -> None:
     estimates: dict[str, dict[str, float]] = {name: {} for name in ALPHAS}
     alphas: dict[str, set[float]] = {name: set() for name in ALPHAS}
     reporting: set[str] = set()
+    frames: set[str] = set()
     nodes: list[Lyapunov | Simulator] = []
     for place, alpha in ALPHAS.items():
         listener.create_subscription(
             JointState, f'{place}/lyapunov', lambda message, place=place: estimates[place].update(
                 zip(message.name, message.position, strict=True)), STREAM)
         listener.create_subscription(
-            PointCloud2, f'{place}/impacts', lambda cloud, place=place: alphas[place].update(
-                np.unique(events_from_cloud(cloud)['alpha']).tolist()), STREAM_INPUT)
-        nodes.append(Lyapunov(context=context, namespace=place))
+            PointCloud2, f'{place}/impacts', lambda cloud, place=place: (
+                frames.add(cloud.header.frame_id), alphas[place].update(
+                    np.unique(events_from_cloud(cloud)['alpha']).tolist())), STREAM_INPUT)
+        nodes.append(Lyapunov(context=context, namespace=place,
+                              cli_args=['--ros-args', '-p', 'window:=500']))
+        assert nodes[-1].values['window'] == 500
         nodes.append(Simulator(context=context, namespace=place, parameter_overrides=[
             Parameter('alpha', value=alpha), Parameter('rate', value=2000.0),
             Parameter('wait_for_readers', value=2)]))
@@ -61,6 +67,8 @@ def test_two_simulators_and_two_analyses_in_one_process(domain: int) -> None:
         assert node.exit_status == 0
     listener.destroy_node()
     context.try_shutdown()
+    assert dict(os.environ) == environment
+    assert frames == {'left/section', 'right/section'}
     assert reporting == {f'/{place}/{name}' for place in ALPHAS
                          for name in ('lyapunov', 'simulator')}
     assert alphas == {place: {alpha} for place, alpha in ALPHAS.items()}

@@ -15,7 +15,6 @@ from catkin_pkg.package import parse_package
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rclpy.node import Node
-import yaml
 
 from gear_rattle_ros.start import EXECUTABLES
 
@@ -196,17 +195,3 @@ def test_colcon_takes_it_for_a_ros_package() -> None:
     package = parse_package(ROOT / 'package.xml', warnings=warnings)
     assert package.get_build_type() == 'ament_python'
     assert warnings == []
-
-
-@pytest.mark.parametrize(
-    'path', sorted((ROOT / 'config' / 'launch').glob('*.launch.yaml')), ids=lambda path: path.name)
-def test_launch_files_name_executables(path: Path) -> None:
-    """Every node that a launch file starts is an executable of this package, or RViz's."""
-    nodes = [entry['node'] for entry in yaml.safe_load(path.read_text())['launch']
-             if 'node' in entry]
-    assert nodes
-    ours = [node['exec'] for node in nodes if node['pkg'] == PACKAGE]
-    others = {node['pkg'] for node in nodes} - {PACKAGE}
-    assert set(ours) <= EXECUTABLES.keys()
-    assert others <= ({'robot_state_publisher', 'rviz2', 'tf2_ros'}
-                      if path.name == 'rviz.launch.yaml' else set())

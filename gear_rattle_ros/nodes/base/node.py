@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable, Iterable, Mapping
+import copy
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -9,26 +10,64 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from .errors import UserError
 from .services import harden
 from ...core.words import shown
-from ...messages import diagnostic_array
-from ...parameters import declare, TABLES
+from ...messages import diagnostic_array, SECTION_FRAME
+from ...parameters import declare, given_to, TABLES, Value
+from ...qos import check_overrides, OVERRIDABLE, OVERRIDING
 
 
 class BaseNode(Node):
     """A node with its table of parameters declared; `options` are those of `rclpy.node.Node`."""
 
     def __init__(self, name: str, **options: Any) -> None:
+        self._kind = name
         try:
             super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
         except RuntimeError as error:
             # Errors of rcl: a name that is not valid, or DDS that does not start.
             raise UserError(' '.join(str(error).split())) from error
         harden(self)
-        self.values = declare(self, TABLES[name])
+        self.given = given = given_to(self)
+        if name in OVERRIDABLE:
+            check_overrides(given, {place: [self.resolve_topic_name(topic) for topic in topics]
+                                    for place, topics in OVERRIDABLE[name].items()})
+        for each in given:
+            if each.startswith('qos_overrides.'):
+                # Declared again, read-only, with the publisher or subscription.
+                self.undeclare_parameter(each)
+        self.values = declare(self, TABLES[name], self.defaults(given))
+
+    def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
+        """Return defaults of parameters that depend on what is given."""
+        return {}
+
+    def frame(self) -> str:
+        """Return the frame of the section: the parameter, or one in the namespace of the node."""
+        return str(self.values['frame']) or f'{self.get_namespace()}/{SECTION_FRAME}'.lstrip('/')
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any,
+                         **options: Any) -> Publisher:
+        """Create a publisher whose quality of service may be overridden by parameters."""
+        return super().create_publisher(
+            msg_type, topic, copy.copy(qos_profile),
+            **self._overriding('publisher', topic) | options)
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., Any],
+                            qos_profile: Any, **options: Any) -> Subscription:
+        """Create a subscription whose quality of service may be overridden by parameters."""
+        return super().create_subscription(
+            msg_type, topic, callback, copy.copy(qos_profile),
+            **self._overriding('subscription', topic) | options)
+
+    def _overriding(self, place: str, topic: str) -> dict[str, Any]:
+        topics = OVERRIDABLE.get(self._kind, {}).get(place, ())
+        return {'qos_overriding_options': OVERRIDING} if topic in topics else {}
 
     def declare_parameters(self, namespace: str, parameters: Iterable[tuple[Any, ...]],
                            ignore_override: bool = False) -> list[Parameter]:
@@ -50,12 +89,8 @@ class ReportingNode(BaseNode, abc.ABC):
     exit_status = 0
     is_finished = False
 
-    def __init__(self, name: str, room: Callable[[], str] = str, **options: Any) -> None:
-        # DDS is asked for room for the stream before the first node is made, or never.
-        lacking = room()
+    def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
-        if lacking:
-            self.get_logger().warning(lacking)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.every(1.0, self._publish_diagnostics)

@@ -20,7 +20,9 @@ class AcknowledgedPace:
     def __init__(self, publisher: Publisher, window: int = WINDOW) -> None:
         self.waiting_since: float | None = None
         self.publisher = publisher
-        self._window = window
+        # Never more than the publisher keeps.
+        depth = publisher.qos_profile.depth
+        self._window = min(window, depth) if depth else window
         self._open = 0
 
     def publish(self, message: Any) -> None:

@@ -125,10 +125,18 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
             try_shutdown()
 
 
-def run_node(name: str, make: Callable[[], ReportingNode],
-             arguments: list[str] | None = None) -> int:
+def run_node(name: str, make: Callable[[], ReportingNode], arguments: list[str] | None = None, *,
+             room: Callable[[], str] = str) -> int:
     """Spin a node until it is finished or a signal comes, and return the exit status."""
-    return exit_status(name, arguments, make, _spin)
+    def make_with_room() -> ReportingNode:
+        # DDS is asked for room before the first node of a process is made, or never.
+        lacking = room()
+        node = make()
+        if lacking:
+            node.get_logger().warning(lacking)
+        return node
+
+    return exit_status(name, arguments, make_with_room, _spin)
 
 
 def _spin(node: ReportingNode, stop: Stop) -> int:

@@ -34,6 +34,7 @@ _TOPICS: Final = (
     ('joint_states', JointState, STREAM_INPUT),
     ('lyapunov', JointState, STREAM_INPUT),
     ('transient', DiagnosticArray, _LATCHED_INPUT),
+    ('last_impact', JointState, STREAM_INPUT),
     ('basin', Image, _LATCHED_INPUT),
     ('attractors', PointCloud2, _LATCHED_INPUT),
     ('basin_state', DiagnosticArray, _LATCHED_INPUT),
@@ -109,7 +110,7 @@ class Recorder(ReportingNode):
     """Records the topics of the suite in its namespace, and the global ones such as /clock."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__('recorder', bound_backlog, **options)
+        super().__init__('recorder', **options)
         self._garbled = 0
         self._sources = [_Source(self, *topic, self._record) for topic in _TOPICS]
         writer = self._make_writer()
@@ -215,4 +216,4 @@ def _word(value: Any) -> object:
     return getattr(value, 'short_key', value)
 
 
-main = functools.partial(run_node, 'recorder', Recorder)
+main = functools.partial(run_node, 'recorder', Recorder, room=bound_backlog)

@@ -22,7 +22,7 @@ from ...bags import Bag, BagError, Topic
 from ...core.words import counted
 from ...messages import stamp_from_nanoseconds
 from ...parameters import REPLAY
-from ...qos import CLOCK, profile
+from ...qos import check_overrides, CLOCK, OVERRIDING, profile
 
 # What recorded nodes reported on themselves is not true of those that run now.
 _NOT_UNASKED: Final = ('/diagnostics', '/parameter_events')
@@ -32,7 +32,7 @@ class Replay(ReportingNode):
     """Publishes a bag's topics under their recorded names and qualities of service."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__('replay', make_room, **options)
+        super().__init__('replay', **options)
         if not self.values['bag']:
             raise UserError('no bag is given; use replay BAG, or set the parameter bag')
         try:
@@ -41,6 +41,7 @@ class Replay(ReportingNode):
             raise UserError(str(error)) from None
         self._span = self._find_span()
         kinds = self._choose()
+        check_overrides(self.given, {'publisher': list(kinds)})
         outputs = {name: self._make_output(self._bag.topics[name], kind)
                    for name, kind in kinds.items()}
         self._topics = len(outputs)
@@ -117,7 +118,8 @@ class Replay(ReportingNode):
 
     def _make_output(self, topic: Topic, kind: type) -> AcknowledgedPace:
         qos = _offered(topic.offered_qos)
-        return AcknowledgedPace(self.create_publisher(kind, topic.name, qos), qos.depth)
+        return AcknowledgedPace(self.create_publisher(
+            kind, topic.name, qos, qos_overriding_options=OVERRIDING), WINDOW)
 
     def _watch(self) -> None:
         self.is_finished = self._playing.is_over
@@ -164,4 +166,4 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
 def main(arguments: list[str] | None = None) -> int:
     """Run the replay; the exit status is 1 if the bag turns out to be damaged."""
     given = sys.argv[1:] if arguments is None else arguments
-    return run_node('replay', Replay, ros_arguments(given))
+    return run_node('replay', Replay, ros_arguments(given), room=make_room)

@@ -34,7 +34,7 @@ class Viewer(ReportingNode):
     """Collects what comes in and draws the newest of it a few times a second."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__('viewer', bound_backlog, **options)
+        super().__init__('viewer', **options)
         colour, save = str(self.values['colour']), str(self.values['save'])
         mode = chosen_mode(str(self.values['mode']), save)
         # Compile the kernels before the first batch.
@@ -177,4 +177,4 @@ class Viewer(ReportingNode):
         return '  \n'.join(lines)
 
 
-main = functools.partial(run_node, 'viewer', Viewer)
+main = functools.partial(run_node, 'viewer', Viewer, room=bound_backlog)

@@ -1,0 +1,160 @@
+"""Qualities of service, frames and scenes by parameters; the last impact at the display rate."""
+
+from collections.abc import Callable
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState, PointCloud2
+
+from gear_rattle_ros.messages import events_from_cloud
+from gear_rattle_ros.nodes.base.node import BaseNode
+from gear_rattle_ros.nodes.base.pacing import AcknowledgedPace
+from gear_rattle_ros.nodes.lyapunov import Lyapunov
+from gear_rattle_ros.nodes.simulator import Simulator
+from gear_rattle_ros.nodes.transients import Transients
+from gear_rattle_ros.places import config_folder
+from gear_rattle_ros.qos import check_overrides, OVERRIDABLE, STREAM, STREAM_INPUT
+from gear_rattle_ros.scenes import find_scene
+
+IMPACTS = 'qos_overrides./left/impacts'
+
+
+def test_a_publisher_has_the_quality_that_is_given(rclpy_node: Node) -> None:
+    """Seen by others; read-only; other publishers and the shared profiles keep their own."""
+    node = Simulator(context=rclpy_node.context, namespace='left', parameter_overrides=[
+        Parameter(f'{IMPACTS}.publisher.{name}', value=value) for name, value in (
+            ('depth', 7), ('reliability', 'best_effort'), ('durability', 'transient_local'))])
+    qos, = (each.qos_profile for each in node.get_publishers_info_by_topic('/left/impacts'))
+    assert qos.reliability is ReliabilityPolicy.BEST_EFFORT
+    assert qos.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    joints, = (each.qos_profile for each in node.get_publishers_info_by_topic(
+        '/left/joint_states'))
+    assert joints.reliability is STREAM.reliability is ReliabilityPolicy.RELIABLE
+    assert node.get_parameter(f'{IMPACTS}.publisher.depth').value == 7
+    answer, = node.set_parameters([Parameter(f'{IMPACTS}.publisher.depth', value=8)])
+    assert not answer.successful
+    assert STREAM.depth == 1000 and STREAM.durability is DurabilityPolicy.VOLATILE
+    node.destroy_node()
+
+
+def test_a_subscription_has_the_quality_that_is_given(rclpy_node: Node) -> None:
+    """A reader of all that is made one of the last few."""
+    node = Lyapunov(context=rclpy_node.context, namespace='left', parameter_overrides=[
+        Parameter(f'{IMPACTS}.subscription.{name}', value=value)
+        for name, value in (('history', 'keep_last'), ('depth', 3))])
+    qos, = (each.qos_profile for each in node.subscriptions if each.topic_name == '/left/impacts')
+    assert (qos.history, qos.depth) == (HistoryPolicy.KEEP_LAST, 3)
+    assert STREAM_INPUT.history is HistoryPolicy.KEEP_ALL
+    node.destroy_node()
+
+
+@pytest.mark.parametrize('name, value, words', [
+    ('qos_overrides./impacts.publisher.deadline', 5, 'cannot be overridden in this node; '
+     'overridable are history, depth, reliability and durability of /impacts.publisher'),
+    ('qos_overrides./impacts.subscription.depth', 5, 'cannot be overridden'),
+    ('qos_overrides./parameter_events.publisher.depth', 5, 'cannot be overridden'),
+    ('qos_overrides', 5, 'cannot be overridden'), ('qos_overrides.depth', 5, 'cannot be over'),
+    ('qos_overrides./impacts.publisher.depth', 0, '= 0 is not a number of messages from 1 on'),
+    ('qos_overrides./impacts.publisher.depth', True, '= True is not a number of messages'),
+    ('qos_overrides./impacts.publisher.history', 'some', "= 'some' is not one of .*keep_last"),
+    ('qos_overrides./impacts.publisher.reliability', 1, '= 1 is not one of .*best_effort')])
+def test_what_has_no_effect_is_refused(name: str, value: object, words: str) -> None:
+    """One line that names the parameter, and what could be overridden."""
+    with pytest.raises(ValueError, match=f'^{re.escape(name)} {words}'):
+        check_overrides({name: value}, {'publisher': ['/impacts']})
+
+
+def test_a_node_refuses_before_it_does_anything(rclpy_node: Node) -> None:
+    """Also one without topics of its own; names are those of its namespace."""
+    for kind, name in (('teleop', f'{IMPACTS}.publisher.depth'),
+                       ('simulator', 'qos_overrides./impacts.publisher.depth')):
+        with pytest.raises(ValueError, match='cannot be overridden'):
+            BaseNode(kind, context=rclpy_node.context, namespace='left',
+                     parameter_overrides=[Parameter(name, value=5)])
+
+
+def test_topics_that_can_be_overridden_are_those_of_the_nodes() -> None:
+    """Nothing else is in the policy of their security, but what all nodes have."""
+    root = ElementTree.parse(config_folder('sros2') / 'gear_rattle_ros.policy.xml')
+    for profile in root.iter('profile'):
+        name = profile.get('node')
+        for place, word in (('publisher', 'publish'), ('subscription', 'subscribe')):
+            allowed = {topic.text.lstrip('/') for topics in profile.findall(f'topics[@{word}]')
+                       for topic in topics} - {'rosout', 'parameter_events', 'diagnostics'}
+            given = {each.lstrip('/') for each in OVERRIDABLE.get(name, {}).get(place, ())}
+            assert given <= allowed
+            if name in OVERRIDABLE and (name, place) not in (
+                    ('basin', 'subscription'), ('teleop', 'subscription')):
+                assert allowed - given <= {'clock'}
+
+
+def test_pace_never_has_more_open_than_the_publisher_keeps(rclpy_node: Node) -> None:
+    """Else messages could be dropped before they are acknowledged."""
+    output = rclpy_node.create_publisher(PointCloud2, 'few', QoSProfile(depth=2))
+    assert AcknowledgedPace(output)._window == 2
+    many = rclpy_node.create_publisher(PointCloud2, 'many', STREAM)
+    assert AcknowledgedPace(many)._window == 400
+
+
+def test_a_scene_is_played_and_its_values_can_be_overridden(rclpy_node: Node) -> None:
+    """Its first step replaces defaults; the second, after 8 s, resets to another velocity."""
+    scene = find_scene('two-attractors')
+    node = Simulator(context=rclpy_node.context, parameter_overrides=[
+        Parameter('scene', value='two-attractors'), Parameter('rate', value=50.0)])
+    assert node.number('alpha') == 0.48 and node.number('initial_velocity') == -0.5
+    assert node.number('rate') == 50.0 != scene.steps[0].parameters['rate']
+    node._played = scene.steps[0].seconds - 0.1
+    node._play()
+    epoch = node._simulation.epoch
+    node._paused = True
+    node._looked -= 1.0
+    node._play()
+    assert node.get_parameter('initial_velocity').value == -0.5
+    node._paused = False
+    node._looked -= 1.0
+    node._play()
+    assert node.get_parameter('initial_velocity').value == -1.0
+    assert node._simulation.epoch == epoch + 1
+    node.destroy_node()
+    with pytest.raises(ValueError, match="no scene 'nix'"):
+        Simulator(context=rclpy_node.context, parameter_overrides=[
+            Parameter('scene', value='nix')])
+
+
+def test_the_last_impact_comes_at_the_display_rate(
+        rclpy_node: Node, spin: Callable) -> None:
+    """Its values are those of the record; on attractor A of the paper the attractor is 1."""
+    node = Transients(context=rclpy_node.context, parameter_overrides=[
+        Parameter('display_rate', value=200.0)])
+    simulator = Simulator(context=rclpy_node.context, parameter_overrides=[
+        Parameter('rate', value=400.0), Parameter('wait_for_readers', value=2)])
+    shown: list[dict[str, float]] = []
+    events: list[np.ndarray] = []
+    rclpy_node.create_subscription(JointState, 'last_impact', lambda message: shown.append(
+        dict(zip(message.name, message.position, strict=True))), STREAM)
+    rclpy_node.create_subscription(PointCloud2, 'impacts', lambda cloud: events.append(
+        events_from_cloud(cloud)), STREAM_INPUT)
+    executor = SingleThreadedExecutor(context=rclpy_node.context)
+    for each in (node, simulator):
+        executor.add_node(each)
+
+    def is_there() -> bool:
+        executor.spin_once(timeout_sec=0.01)
+        return len(shown) > 9 and shown[-1]['attractor'] == 1.0
+
+    spin(is_there)
+    records = {int(each['index']): each for each in np.concatenate(events) if each['kind'] == 0}
+    assert shown[0]['attractor'] == 0.0
+    known = [each for each in shown if int(each['index']) in records]
+    assert len(known) > 3
+    for each in known:
+        record = records[int(each['index'])]
+        assert all(each[name] == record[name] for name in each if name != 'attractor')
+    for each in (node, simulator):
+        each.destroy_node()
