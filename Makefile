@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := gear_rattle_ros test tools benchmark config/launch doc setup.py
 # What an editable install copies or reads: a change of it installs anew.
-INSTALLED := setup.py setup.cfg package.xml constraints.txt gear_rattle_ros/start.py $(shell find config resource -type f)
+INSTALLED := setup.py setup.cfg package.xml constraints.txt requirements.txt gear_rattle_ros/start.py $(shell find config resource -type f)
 PIP := $(BIN)/python -m pip install --quiet --no-input --disable-pip-version-check \
 	--constraint constraints.txt
 

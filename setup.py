@@ -81,21 +81,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     data_files=data_files(),
     python_requires='>=3.11',
-    install_requires=[
-        'bokeh>=3.4',
-        'lz4',
-        'matplotlib',
-        'mcap>=1.2',
-        'numba>=0.58',
-        'numpy>=1.26',
-        'pillow',
-        'pyyaml',
-        'rerun-sdk>=0.39',
-        'rich',
-        'xarray',
-        'zarr>=3.1.6',
-        'zstandard',
-    ],
+    install_requires=Path('requirements.txt').read_text().split(),
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={
         'cluster': [
