@@ -39,7 +39,7 @@ export CHECK
 .DELETE_ON_ERROR:
 
 run: $(VENV)/run.stamp
-	@$(BIN)/python -S tools/foreground.py $(BIN)/suite $(ARGS)
+	@$(BIN)/python -S tools/foreground.py $(BIN)/gear_rattle suite $(ARGS)
 
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
@@ -72,7 +72,7 @@ bench: $(VENV)/test.stamp
 		echo "== $$script"; $(BIN)/python $$script; done
 
 figures: $(VENV)/run.stamp
-	$(BIN)/figures $(ARGS)
+	$(BIN)/gear_rattle figures $(ARGS)
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info .mypy_cache .pytest_cache .ruff_cache \

@@ -28,6 +28,7 @@ from ..base.errors import UserError
 from ..base.process import apart, ended_in_time, exit_status, Stop
 from ..base.services import listen
 from ...parameters import SIMULATOR
+from ...places import program, typed
 from ...qos import LATCHED, STREAM
 from ...scenes import find_scene, INITIAL, load_scenes, NAMES, Performance, Step
 
@@ -131,7 +132,7 @@ class Suite:
         print(self._processes.last_words('recorder').split(']: ')[-1])
         rerun = _command('rerun')
         for what, command, name in (
-                ('bag', rerun, 'bag/bag_0.mcap'), ('replay', _command('replay'), 'bag'),
+                ('bag', rerun, 'bag/bag_0.mcap'), ('replay', shlex.join(typed('replay')), 'bag'),
                 ('viewer', rerun, 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
             if (self._folder / name).exists():
                 print(f'{what:8} {command} {_quoted(self._folder / name)}')
@@ -164,7 +165,7 @@ class Suite:
                 # A large bag takes longer: it can be summarised later.
                 self._summary.kill()
                 self._summary.wait()
-                print(f'summary  {_command("summary")} {_quoted(self._folder / "bag")}')
+                print(f'summary  {shlex.join(typed("summary"))} {_quoted(self._folder / "bag")}')
 
     def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
@@ -260,7 +261,7 @@ def _make_folder(output: str | None) -> Path:
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog='suite', description=__doc__)
+    parser = argparse.ArgumentParser(prog=program('suite'), description=__doc__)
     add = parser.add_argument
     add('--alpha', type=float, help='amplitude of the drive [1]; by default two situations of the '
         f'paper, {STORY[0]} and, from half-way, {STORY[1]}')
