@@ -18,6 +18,9 @@ from ..core.model import EVENT, EventArray
 from ..core.stream.guard import StreamGuard
 from ..core.words import counted
 
+#: The unit of each column that `read_bag` returns; '1' where there is none.
+EVENT_UNITS: Final = {name: {'cycle': 'drive periods', 'index': 'impacts', 'phase': 'rad'}.get(
+    name, '1') for name in EVENT.names or ()}
 # Later than any message [ns].
 _EVER: Final = 2**65
 
@@ -150,7 +153,8 @@ def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
     Returns
     -------
     ndarray of EVENT, shape (n,)
-        A structured array; ``pandas.DataFrame(read_bag(path))`` has a column for each field.
+        A structured array; ``pandas.DataFrame(read_bag(path))`` has a column for each field,
+        and `EVENT_UNITS` the unit of each.
 
     Raises
     ------
@@ -163,12 +167,16 @@ def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
         If impacts are missing, the numbering begins anew, or the bag was not closed properly.
 
     """
+    return np.concatenate([np.empty(0, EVENT), *read_batches(path, topic)])
+
+
+def read_batches(path: str | Path, topic: str = '') -> Iterator[EventArray]:
+    """Yield what `read_bag` returns, batch by batch, with its warnings at the end."""
     bag = Bag(path)
     guard = StreamGuard()
-    batches = [np.empty(0, EVENT)]
     for events in bag.events(topic):
         guard.split(events)
-        batches.append(events)
+        yield events
     faults = [] if bag.is_whole else ['was not closed properly; its complete chunks are read']
     if guard.gaps:
         faults.append(f'{counted(guard.gaps, "hole")}, {counted(guard.lost, "impact")} missing; '
@@ -176,8 +184,7 @@ def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
     if guard.restarts:
         faults.append(f'the numbering begins anew {counted(guard.restarts, "time")}')
     for fault in faults:
-        warnings.warn(f'{path}: {fault}', stacklevel=2)
-    return np.concatenate(batches)
+        warnings.warn(f'{path}: {fault}', stacklevel=3)
 
 
 def _are_steady(parts: Sequence[Part]) -> bool:

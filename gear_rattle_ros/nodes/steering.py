@@ -41,7 +41,7 @@ class _Parser(argparse.ArgumentParser):
             self.add_argument('pairs', nargs='+', metavar='NAME VALUE',
                               help=f'such as alpha 1.244; known are {_KNOWN}')
         elif name == 'get':
-            self.add_argument('names', nargs='*', metavar='NAME', choices=_NUMBERS,
+            self.add_argument('names', nargs='*', metavar='NAME',
                               help=f'such as alpha; known are {", ".join(_NUMBERS)}')
 
     def error(self, message: str) -> NoReturn:
@@ -54,8 +54,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         # What is for ROS, such as -r __ns:=/lab, rclpy takes from the command line itself.
         given = vars(_Parser(name).parse_args(split_arguments(words)[0]))
-        _steer(name, given['simulator'], _values(given.get('pairs', ())),
-               given.get('names') or list(_LIVE))
+        names = given.get('names') or list(_LIVE)
+        for unknown in sorted({*names} - {*_NUMBERS}):
+            raise ValueError(f'{shown(unknown)} is no number of a simulator; known are '
+                             f'{", ".join(_NUMBERS)}')
+        _steer(name, given['simulator'], _values(given.get('pairs', ())), names)
     except (UserError, ValueError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2

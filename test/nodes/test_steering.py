@@ -50,7 +50,7 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin) -> None:
     ('set alpha nan', 'set: alpha = nan is not a number'),
     ('set alpha -1', 'set: alpha = -1.0 is outside [0, 1000]'),
     ('set', 'set: the following arguments are required'),
-    ('get alpha frobs', "get: argument NAME: invalid choice: 'frobs' (choose from 'alpha', "),
+    ('get alpha frobs', "get: 'frobs' is no number of a simulator; known are alpha, "),
     ('pause now', 'pause: unrecognized arguments: now'),
     ('get alpha --simulator a//b', 'get: Invalid service name'),
 ])
