@@ -83,7 +83,8 @@ $(VENV)/run.stamp: $(INSTALLED)
 	@command -v $(PYTHON) >/dev/null || { \
 		echo 'make: no $(PYTHON) here; name a Python 3.11 to 3.14 with make PYTHON=...' >&2; exit 2; }
 	@$(PYTHON) -c "$$CHECK"
-	@echo 'Installing into $(VENV) ...'
+	@echo 'Installing ROS 2 Jazzy, numba, rerun and what they need into $(VENV): about 1.5 GB, some'
+	@echo 'minutes ...'
 	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
 	@$(PIP) setuptools
 	@$(PIP) --no-build-isolation --editable '.[ros]'

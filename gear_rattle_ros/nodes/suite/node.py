@@ -37,6 +37,9 @@ READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 STORY = (0.57, 1.244)
 # Compiling for the first time may take this long on a slow machine [s].
 START_WITHIN = 180.0
+# A start that takes longer than this is explained [s].
+EXPLAINED_AFTER = 3.0
+EXPLANATION = 'the first start compiles the kernels for up to a minute'
 REFRESH = 0.25
 SUMMARY_WITHIN = 60.0
 # How long the others may take to end, on a busy machine too [s].
@@ -186,6 +189,11 @@ class Suite:
                     console.print(f'viewer   {page}', soft_wrap=True, highlight=False)
                 if not first:
                     status.phase = f'starting, {now - began:.0f} s'
+                    if now - began > EXPLAINED_AFTER:
+                        status.phase += f'; {EXPLANATION}'
+                        if live is None and not shown:
+                            shown = now
+                            print(f'starting; {EXPLANATION}', flush=True)
                     if status.impacts:
                         first = now
                         # The simulator was started with the parameters of the first step.
