@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import io
 import json
 import shlex
 import signal
@@ -11,10 +12,12 @@ import time
 
 from grids import files_of
 from matplotlib.image import imread
+from numba.core import event
 import numpy as np
 import pytest
 
 from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes
+from gear_rattle_ros.cli.compilation import reporting_compilation
 from gear_rattle_ros.cli.options import number, Parser
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
@@ -228,3 +231,24 @@ def test_progress_has_rate_and_time_left(capsys, monkeypatch):
     assert capsys.readouterr().err == (
         'basins: 300 of 300, 6.0 million impacts/s, 0 s left\n')
     assert [in_words(seconds) for seconds in (9.7, 600.0, 7200.0)] == ['10 s', '10 min', '2.0 h']
+
+
+def test_progress_and_what_is_reported_have_lines_of_their_own():
+    """On a terminal, what is compiled while a line of progress stands replaces that line."""
+    class Screen(io.StringIO):
+        def isatty(self):
+            return True
+
+    screen = Screen()
+    with Progress('continuation', 9, screen) as progress, reporting_compilation(
+            'continuation', screen):
+        progress._every = 0.0
+        progress.add(4)
+        with event.trigger_event('numba:compile'):
+            progress.add(5)
+    shown = [text.split('\r')[-1].removeprefix('\x1b[K')
+             for text in screen.getvalue().split('\n')]
+    assert shown[0] == ('continuation: compiling, once on this machine; this takes about a minute '
+                        '...')
+    assert shown[1].startswith('continuation: compiled 1 kernel in ')
+    assert shown[2] == ''
