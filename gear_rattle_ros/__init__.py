@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from .studies.transitions import transitions as transitions
 
 __all__ = [
-    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane', 'RunningLyapunov',
-    'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
+    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
+    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
     'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion', 'open_dataset',
     'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions', '__version__',
 ]

@@ -7,7 +7,6 @@ is imported only when Ctrl-C and SIGTERM are handled. Here only the standard lib
 
 from collections.abc import Callable
 import contextlib
-import difflib
 import functools
 import importlib
 import os
@@ -124,9 +123,7 @@ def gear_rattle() -> NoReturn:
         elif name == '--version':
             _print_version('gear_rattle')
         else:
-            close = difflib.get_close_matches(name, EXECUTABLES, 1)
-            print(f'gear_rattle: there is no program {name!r}; '
-                  + (f'did you mean {close[0]}?' if close else 'gear_rattle --help lists all'),
+            print(f'gear_rattle: there is no program {name!r}; gear_rattle --help lists all',
                   file=sys.stderr)
             status = 2
     _end(status)

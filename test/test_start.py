@@ -52,13 +52,10 @@ def test_all_programs_are_listed(words: tuple[str, ...]) -> None:
     assert max(map(len, lines)) < 80
 
 
-@pytest.mark.parametrize(('name', 'hint'), [
-    ('basin s', "no program 'basin s'; did you mean basins?"),
-    ('frobnicate', "no program 'frobnicate'; gear_rattle --help lists all")])
-def test_an_unknown_program_is_one_line(name: str, hint: str) -> None:
-    done = begun(name)
-    assert (done.returncode, done.stdout) == (2, '')
-    assert done.stderr == f'gear_rattle: there is {hint}\n'
+def test_an_unknown_program_is_one_line() -> None:
+    done = begun('frobs')
+    assert (done.returncode, done.stdout, done.stderr) == (
+        2, '', "gear_rattle: there is no program 'frobs'; gear_rattle --help lists all\n")
 
 
 @pytest.mark.parametrize('words', [
@@ -71,6 +68,6 @@ def test_a_reader_that_has_read_enough_is_no_error(words: str, tmp_path: Path) -
     for line in (f'({program}; echo $? >status) | :', f'{program} >&-; echo $? >status')[
             :1 if 'help' in words else 2]:
         done = subprocess.run(['sh', '-c', line], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-        quiet = [one for one in done.stderr.splitlines() if not re.search('compil|same question', one)]
-        assert quiet == []
+        assert not [one for one in done.stderr.splitlines()
+                    if not re.search('compil|same question', one)]
         assert int((tmp_path / 'status').read_text()) in (0, 141)

@@ -167,16 +167,12 @@ def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
         If impacts are missing, the numbering begins anew, or the bag was not closed properly.
 
     """
-    return np.concatenate([np.empty(0, EVENT), *read_batches(path, topic)])
-
-
-def read_batches(path: str | Path, topic: str = '') -> Iterator[EventArray]:
-    """Yield what `read_bag` returns, batch by batch, with its warnings at the end."""
     bag = Bag(path)
     guard = StreamGuard()
+    batches = [np.empty(0, EVENT)]
     for events in bag.events(topic):
         guard.split(events)
-        yield events
+        batches.append(events)
     faults = [] if bag.is_whole else ['was not closed properly; its complete chunks are read']
     if guard.gaps:
         faults.append(f'{counted(guard.gaps, "hole")}, {counted(guard.lost, "impact")} missing; '
@@ -184,7 +180,8 @@ def read_batches(path: str | Path, topic: str = '') -> Iterator[EventArray]:
     if guard.restarts:
         faults.append(f'the numbering begins anew {counted(guard.restarts, "time")}')
     for fault in faults:
-        warnings.warn(f'{path}: {fault}', stacklevel=3)
+        warnings.warn(f'{path}: {fault}', stacklevel=2)
+    return np.concatenate(batches)
 
 
 def _are_steady(parts: Sequence[Part]) -> bool:

@@ -18,31 +18,11 @@ from ..parameters import SIMULATOR
 from ..places import program
 
 # The numbers that a simulator has; all that can be set is one.
-_NUMBERS = [each.name for each in SIMULATOR if type(each.default) in (float, int)]
-_LIVE = {each.name: each for each in SIMULATOR if not each.read_only}
-_KNOWN = ', '.join(_LIVE)
-_TEXTS = {
-    'set': 'Set parameters of a running simulator, all or none.',
-    'get': 'Print parameters of a running simulator; without a name all that can be set.',
-    'reset': 'Set a running simulator back to its initial condition.',
-    'pause': 'Let a running simulator pause.',
-    'resume': 'Let a paused simulator go on.',
-}
+_NUMBERS = {each.name: each for each in SIMULATOR if type(each.default) in (float, int)}
+_LIVE = [name for name, each in _NUMBERS.items() if not each.read_only]
 
 
 class _Parser(argparse.ArgumentParser):
-    def __init__(self, name: str) -> None:
-        super().__init__(program(name), description=_TEXTS[name])
-        # -1e-3 is a number, too.
-        self._negative_number_matcher = re.compile(r'^-[\d.]')
-        self.add_argument('--simulator', default='simulator', metavar='NODE',
-                          help='its name, with its namespace; simulator by default')
-        if name == 'set':
-            self.add_argument('pairs', nargs='+', metavar='NAME VALUE',
-                              help=f'such as alpha 1.244; known are {_KNOWN}')
-        elif name == 'get':
-            self.add_argument('names', nargs='*', metavar='NAME',
-                              help=f'such as alpha; known are {", ".join(_NUMBERS)}')
 
     def error(self, message: str) -> NoReturn:
         raise ValueError(message)
@@ -51,14 +31,24 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Steer as the first argument says; the exit status is 2 after one line on what is wrong."""
     name, *words = sys.argv[1:] if arguments is None else arguments
+    parser = _Parser(program(name))
+    # -1e-3 is a number, too.
+    parser._negative_number_matcher = re.compile(r'^-[\d.]')
+    parser.add_argument('--simulator', default='simulator', metavar='NODE',
+                        help='its name, with its namespace; simulator by default')
+    if name in ('set', 'get'):
+        known, form = (_LIVE, 'NAME VALUE') if name == 'set' else (list(_NUMBERS), 'NAME')
+        parser.add_argument('words', nargs='+' if name == 'set' else '*', metavar=form,
+                            help=f'such as alpha; known are {", ".join(known)}')
     try:
         # What is for ROS, such as -r __ns:=/lab, rclpy takes from the command line itself.
-        given = vars(_Parser(name).parse_args(split_arguments(words)[0]))
-        names = given.get('names') or list(_LIVE)
-        for unknown in sorted({*names} - {*_NUMBERS}):
-            raise ValueError(f'{shown(unknown)} is no number of a simulator; known are '
-                             f'{", ".join(_NUMBERS)}')
-        _steer(name, given['simulator'], _values(given.get('pairs', ())), names)
+        given = parser.parse_args(split_arguments(words)[0])
+        words = getattr(given, 'words', [])
+        values = _values(words) if name == 'set' else {}
+        for word in values or words:
+            if word not in known:
+                raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
+        _steer(name, given.simulator, values, values or words or _LIVE)
     except (UserError, ValueError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
@@ -67,18 +57,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _values(pairs: Sequence[str]) -> dict[str, float]:
+def _values(words: Sequence[str]) -> dict[str, float]:
     values: dict[str, float] = {}
-    for name, text in itertools.zip_longest(pairs[::2], pairs[1::2]):
-        if name not in _LIVE:
-            raise ValueError(f'{shown(name)} is no parameter that can be set; known are {_KNOWN}')
-        whole = isinstance(_LIVE[name].default, int)
+    for name, text in itertools.zip_longest(words[::2], words[1::2]):
         try:
-            values[name] = int(text) if whole else float(text)
+            values[name] = float(text)
         except (TypeError, ValueError):
-            raise ValueError(f'{name} needs a {"whole " * whole}number behind it, '
-                             f'not {shown(text or "nothing")}') from None
-        _LIVE[name].check(values[name])
+            raise ValueError(f'{name} needs a number, not {shown(text or "nothing")}') from None
+        if name in _NUMBERS:
+            if isinstance(_NUMBERS[name].default, int) and values[name].is_integer():
+                values[name] = int(text)
+            _NUMBERS[name].check(values[name])
     return values
 
 
@@ -92,7 +81,7 @@ def _steer(name: str, simulator: str, values: dict[str, float], names: Sequence[
         if values:
             visitor.put(values)
         if name in ('set', 'get'):
-            visitor.get(values or names, lambda found: said.extend(
+            visitor.get(names, lambda found: said.extend(
                 f'{each} = {value!r}' for each, value in found.items()))
         elif name == 'reset':
             visitor.reset(said.append)

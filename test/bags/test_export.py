@@ -103,7 +103,7 @@ def test_without_pyarrow_a_line_says_what_to_do(
         bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(sys.modules, 'pyarrow', None)
-    assert main([str(bag), str(tmp_path / 'a.csv'), str(tmp_path / 'a.parquet')]) == 2
+    assert main([str(bag), str(tmp_path / 'a.parquet')]) == 2
     assert capsys.readouterr().err == (
         'export: Parquet needs the Python package pyarrow; install it, or write .csv\n')
     assert list(tmp_path.iterdir()) == []

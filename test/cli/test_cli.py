@@ -236,6 +236,7 @@ def test_progress_has_rate_and_time_left(capsys, monkeypatch):
 def test_progress_and_what_is_reported_have_lines_of_their_own():
     """On a terminal, what is compiled while a line of progress stands replaces that line."""
     class Screen(io.StringIO):
+
         def isatty(self):
             return True
 

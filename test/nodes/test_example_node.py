@@ -13,7 +13,8 @@ PAGE = Path(__file__).parents[2] / 'doc' / 'ros.md'
 def test_it_runs_and_ends_quietly(start, tmp_path: Path) -> None:
     """As it stands on the page, beside a simulator; Ctrl-C leaves no traceback."""
     start('simulator').wait_for('ready')
-    program, = re.findall(r'```python\n((?:(?!```).)*?rclpy\.spin.*?)```', PAGE.read_text(), re.DOTALL)
+    program, = re.findall(r'```python\n((?:(?!```).)*?rclpy\.spin.*?)```', PAGE.read_text(),
+                          re.DOTALL)
     (tmp_path / 'mine.py').write_text(program)
     with (tmp_path / 'said').open('w') as said:
         process = subprocess.Popen([sys.executable, '-u', str(tmp_path / 'mine.py')], stdout=said,

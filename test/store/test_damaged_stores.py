@@ -168,7 +168,7 @@ def test_another_store_is_refused(copy):
     for name, value in (('alpha', 0.57), ('alpha', float('nan')), ('alpha', float('inf')),
                         ('tool', 'basins'), ('phase_window', [0.0, 6.0]), ('more', 1)):
         other = dataclasses.replace(LAYOUT, identity={**LAYOUT.identity, name: value})
-        with pytest.raises(StoreError, match=f'answers another question, with {name} = .*; choose another'):
+        with pytest.raises(StoreError, match=f'another question, with {name} = .*; choose'):
             compute(copy, layout=other)
     axes = (dataclasses.replace(LAYOUT.axes[0], values=np.linspace(-1.0, 2.0, 7)),
             *LAYOUT.axes[1:])
