@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
-    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
-    'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion', 'open_dataset',
+    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
+    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion', 'open_dataset',
     'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions', '__version__',
 ]
 MODULES = {

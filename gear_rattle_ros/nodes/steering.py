@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for word in values or words:
             if word not in known:
                 raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
-        _steer(name, given.simulator, values, values or words or _LIVE)
+        _steer(name, given.simulator, values, list(values or words or _LIVE))
     except (UserError, ValueError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2

@@ -46,7 +46,7 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin) -> None:
     ('set alhpa 1', "set: 'alhpa' is not one of alpha, beta"),
     ('set alpha', "set: alpha needs a number, not 'nothing'"),
     ('set alpha x', "set: alpha needs a number, not 'x'"),
-    ('set seed 1.5', "set: seed = 1.5 is not of type integer"),
+    ('set seed 1.5', 'set: seed = 1.5 is not of type integer'),
     ('set alpha nan', 'set: alpha = nan is not a number'),
     ('set alpha -1', 'set: alpha = -1.0 is outside [0, 1000]'),
     ('set', 'set: the following arguments are required'),
