@@ -38,8 +38,9 @@ if TYPE_CHECKING:
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
-    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion', 'open_dataset',
-    'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions', '__version__',
+    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion',
+    'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions',
+    '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
