@@ -39,7 +39,7 @@ export CHECK
 .DELETE_ON_ERROR:
 
 run: $(VENV)/run.stamp
-	@$(BIN)/python -S tools/foreground.py $(BIN)/suite $(ARGS)
+	@$(BIN)/python -S tools/foreground.py $(BIN)/gear_rattle suite $(ARGS)
 
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
@@ -72,7 +72,7 @@ bench: $(VENV)/test.stamp
 		echo "== $$script"; $(BIN)/python $$script; done
 
 figures: $(VENV)/run.stamp
-	$(BIN)/figures $(ARGS)
+	$(BIN)/gear_rattle figures $(ARGS)
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info .mypy_cache .pytest_cache .ruff_cache \
@@ -83,7 +83,8 @@ $(VENV)/run.stamp: $(INSTALLED)
 	@command -v $(PYTHON) >/dev/null || { \
 		echo 'make: no $(PYTHON) here; name a Python 3.11 to 3.14 with make PYTHON=...' >&2; exit 2; }
 	@$(PYTHON) -c "$$CHECK"
-	@echo 'Installing into $(VENV) ...'
+	@echo 'Installing ROS 2 Jazzy, numba, rerun and what they need into $(VENV): about 1.5 GB, some'
+	@echo 'minutes ...'
 	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
 	@$(PIP) setuptools
 	@$(PIP) --no-build-isolation --editable '.[ros]'

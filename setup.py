@@ -1,4 +1,10 @@
-"""Build gear_rattle_ros: the same executables with colcon and with plain pip."""
+"""
+Build gear_rattle_ros: with colcon the executables of `ros2 run`, with pip one command.
+
+colcon calls `install` or `develop`, which setup.cfg makes put every executable into
+lib/gear_rattle_ros. pip builds a wheel instead: of it come the command `gear_rattle` in bin/ and,
+for `ros2 run`, a launcher for every executable in lib/gear_rattle_ros.
+"""
 
 # After setuptools, which brings its own copy where Python has none any more.
 from distutils.command.install_data import install_data  # noqa: I100
@@ -13,13 +19,22 @@ PACKAGE = 'gear_rattle_ros'
 # The one table of executables; that module needs nothing but the standard library.
 EXECUTABLES = runpy.run_path(f'{PACKAGE}/start.py')['EXECUTABLES']
 
-# Started through the kernel by its full path, it hands over to pip's own script of that name,
-# which knows the environment's python; exec, so that a signal reaches the node itself.
-LAUNCHER = '#!/bin/sh\nexec "${0%/*}/../../bin/${0##*/}" "$@"\n'
+# Started through the kernel by its full path, it hands over to pip's own script, which knows the
+# environment's python; exec, so that a signal reaches the node itself.
+LAUNCHER = '#!/bin/sh\nexec "${0%/*}/../../bin/gear_rattle" "${0##*/}" "$@"\n'
 
 
 class Package(Distribution):
-    """A distribution whose data files an editable install brings too."""
+    """A distribution whose scripts suit the command, and whose data an editable install brings."""
+
+    def parse_command_line(self):
+        """Choose the scripts once the command is known."""
+        go_on = super().parse_command_line()
+        of_colcon = {'develop', 'install'} & set(self.commands)
+        self.entry_points = {'console_scripts': [
+            f'{name} = {PACKAGE}.start:{name}'
+            for name in (EXECUTABLES if of_colcon else ['gear_rattle'])]}
+        return go_on
 
     def has_data(self):
         """Answer what setuptools asks under this name before an editable install of the data."""
@@ -27,12 +42,7 @@ class Package(Distribution):
 
 
 class InstallData(install_data):
-    """
-    Install the data files and, with pip, the launchers that `ros2 run` looks for.
-
-    setup.cfg makes colcon put the executables into lib/gear_rattle_ros themselves; pip puts them
-    into bin/ regardless of setup.cfg.
-    """
+    """Install the data files and, with pip, the launchers that `ros2 run` looks for."""
 
     def run(self):
         """Copy the data files, then write the launchers."""
@@ -87,6 +97,9 @@ setup(
         'cluster': [
             'distributed',
         ],
+        'parquet': [
+            'pyarrow',
+        ],
         'ros': [
             'ros-jazzy-common-interfaces',
             'ros-jazzy-rclpy',
@@ -111,6 +124,7 @@ setup(
             'import-linter',
             'mpmath',
             'playwright',
+            'pyarrow',
             'pytest',
             'pytest-xdist',
             'rosbags',
@@ -133,9 +147,6 @@ setup(
             'ruff',
             'types-pyyaml',
         ],
-    },
-    entry_points={
-        'console_scripts': [f'{name} = {PACKAGE}.start:{name}' for name in EXECUTABLES],
     },
     distclass=Package,
     cmdclass={'install_data': InstallData},

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from .attractors.catalogue import Catalogue as Catalogue
     from .attractors.finding import find_attractors as find_attractors
     from .attractors.plane import Plane as Plane
-    from .bags.reader import Bag as Bag, read_bag as read_bag
+    from .bags.reader import Bag as Bag, EVENT_UNITS as EVENT_UNITS, read_bag as read_bag
     from .core.flight.simulation import Simulation as Simulation
     from .core.model import (
         EVENT as EVENT,
@@ -36,16 +36,17 @@ if TYPE_CHECKING:
     from .studies.transitions import transitions as transitions
 
 __all__ = [
-    'Bag', 'Catalogue', 'EVENT', 'EventKind', 'Parameters', 'Plane', 'RunningLyapunov',
-    'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'continuation', 'crisis',
-    'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion', 'open_dataset',
-    'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions', '__version__',
+    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
+    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
+    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion',
+    'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions',
+    '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
     'attractors.finding': ['find_attractors'],
     'attractors.plane': ['Plane'],
-    'bags.reader': ['Bag', 'read_bag'],
+    'bags.reader': ['Bag', 'EVENT_UNITS', 'read_bag'],
     'core.flight.simulation': ['Simulation'],
     'core.model': ['EVENT', 'EventKind', 'Parameters', 'State', 'Wall'],
     'core.stream.lyapunov': ['RunningLyapunov'],

@@ -1,7 +1,9 @@
-"""Where the files of config/ are."""
+"""Where the files of config/ are, and how programs are started here."""
 
+import contextlib
 import os
 from pathlib import Path
+import shutil
 import sys
 
 PACKAGE = 'gear_rattle_ros'
@@ -13,3 +15,19 @@ def config_folder(name: str) -> Path:
     places = [Path(__file__).parents[1] / 'config' / name,
               *(Path(p) / 'share' / PACKAGE / 'config' / name for p in prefixes if p)]
     return next((place for place in places if place.is_dir()), places[0])
+
+
+def typed(name: str) -> list[str]:
+    """Return the words that start a program from here: of pip's one command, else of ROS."""
+    beside, found = Path(sys.executable).with_name('gear_rattle'), shutil.which('gear_rattle')
+    if beside.exists() and found != str(beside):
+        with contextlib.suppress(ValueError):
+            beside = beside.relative_to(Path.cwd())
+        return [str(beside), name]
+    return ['gear_rattle', name] if found else ['ros2', 'run', PACKAGE, name]
+
+
+def program(name: str) -> str:
+    """Return what a program is called in its usage: `typed`, without the path."""
+    command, *words = typed(name)
+    return ' '.join([Path(command).name, *words])

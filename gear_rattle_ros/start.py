@@ -1,11 +1,12 @@
 """
-The table of executables, and how each starts.
+The table of programs, and how each starts.
 
 Importing rclpy and numba takes a second, in which a signal would leave a traceback: everything
 is imported only when Ctrl-C and SIGTERM are handled. Here only the standard library is imported.
 """
 
 from collections.abc import Callable
+import contextlib
 import functools
 import importlib
 import os
@@ -14,15 +15,50 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-# Every executable of `ros2 run gear_rattle_ros`, and the module whose `main` it calls.
-EXECUTABLES = {
-    'explorer': 'explorer.server',
-    **{name: f'nodes.{name}' for name in ('basin', 'lyapunov', 'simulator', 'transients')},
-    **{name: f'nodes.{name}.node' for name in ('recorder', 'replay', 'suite', 'teleop', 'viewer')},
-    **{name: f'cli.{name}' for name in (
-        'attractors', 'basins', 'continuation', 'crisis', 'draw', 'exponents', 'figures',
-        'lifetimes', 'motion', 'orbit_diagram', 'recover', 'section', 'summary',
-        'transitions', 'verify')}}
+# Every program by group: the module whose `main` it calls, with the words put before its own
+# arguments, and what it does.
+GROUPS = {
+    'nodes (need ROS)': {
+        'suite': ('nodes.suite.node', 'run a simulator with all that watches it, for a while'),
+        'simulator': ('nodes.simulator', 'simulate the gear; publish every event'),
+        'lyapunov': ('nodes.lyapunov', 'publish the Lyapunov exponents of the stream'),
+        'transients': ('nodes.transients', 'recognise transients and orbits in the stream'),
+        'basin': ('nodes.basin', 'publish the basins of the present parameters'),
+        'teleop': ('nodes.teleop.node', 'steer a simulator with the keyboard'),
+        'set': ('nodes.steering set', 'set parameters of a running simulator'),
+        'get': ('nodes.steering get', 'print parameters of a running simulator'),
+        'reset': ('nodes.steering reset', 'set it back to its initial condition'),
+        'pause': ('nodes.steering pause', 'let it pause'),
+        'resume': ('nodes.steering resume', 'let it go on'),
+    },
+    'bags': {
+        'recorder': ('nodes.recorder.node', 'record a run (needs ROS)'),
+        'replay': ('nodes.replay.node', 'publish a bag again (needs ROS)'),
+        'verify': ('cli.verify', 'reproduce every record of a bag, bit for bit'),
+        'recover': ('cli.recover', 'save what is left of a damaged bag'),
+        'export': ('cli.export', 'write the events of a bag as CSV or Parquet'),
+    },
+    'offline studies': {
+        'attractors': ('cli.attractors', 'find every attractor'),
+        'basins': ('cli.basins', 'find on which attractor each initial condition settles'),
+        'lifetimes': ('cli.lifetimes', 'find how long transients last'),
+        'exponents': ('cli.exponents', 'find how fast neighbouring trajectories diverge'),
+        'section': ('cli.section', 'count impacts on the Poincare section'),
+        'motion': ('cli.motion', 'sample the motion between the walls'),
+        'orbit_diagram': ('cli.orbit_diagram', 'count impact velocities against alpha'),
+        'continuation': ('cli.continuation', 'follow attractors across alpha'),
+        'transitions': ('cli.transitions', 'locate every transition in windows of alpha'),
+        'crisis': ('cli.crisis', 'locate the crisis of a chaotic attractor'),
+        'figures': ('cli.figures', 'redraw the figures of the paper'),
+    },
+    'viewing': {
+        'viewer': ('nodes.viewer.node', 'watch a run in rerun (needs ROS)'),
+        'explorer': ('explorer.server', 'zoom into the plane of initial conditions'),
+        'draw': ('cli.draw', 'draw the dataset of a study again'),
+        'summary': ('cli.summary', 'make one picture of a bag'),
+    },
+}
+EXECUTABLES = {name: module for group in GROUPS.values() for name, (module, _) in group.items()}
 
 # Variables that libraries read while they are imported. Rerun would warn of a file without an
 # index, which the viewer adds at the end.
@@ -45,15 +81,18 @@ def start(name: str) -> NoReturn:
         for variable, value in ENVIRONMENT.get(name, {}).items():
             os.environ.setdefault(variable, value)
         if sys.argv[1:2] == ['--version']:
-            from importlib.metadata import version
-            print(name, version(str(__package__)))
-            status = 0
+            status = _print_version(name)
         else:
-            module = importlib.import_module(f'.{EXECUTABLES[name]}', __package__)
+            place, *words = EXECUTABLES[name].split()
+            sys.argv[1:1] = words
+            module = importlib.import_module(f'.{place}', __package__)
             if _signals:
                 # Libraries may swallow any exception while they are imported.
                 raise KeyboardInterrupt
             status = int(module.main() or 0)
+    except BrokenPipeError:
+        # The reader, such as head, has read enough: the status of a program that SIGPIPE ends.
+        status = 128 + signal.SIGPIPE
     except KeyboardInterrupt:
         status = 0
     except ModuleNotFoundError as error:
@@ -63,9 +102,45 @@ def start(name: str) -> NoReturn:
         print(f'{name}: the Python package {missing} is not installed; see doc/install.md',
               file=sys.stderr)
         status = 2
+    _end(status)
+
+
+def gear_rattle() -> NoReturn:
+    """Run the program that the first argument names; without one, list them all."""
+    name = sys.argv[1] if sys.argv[1:] else '--help'
+    if name in EXECUTABLES:
+        del sys.argv[1]
+        start(name)
+    status = 0
+    with contextlib.suppress(BrokenPipeError):
+        if name in ('-h', '--help'):
+            print('usage: gear_rattle NAME ...\n\n'
+                  'gear_rattle NAME --help lists the options of a program.')
+            for group, programs in GROUPS.items():
+                print(f'\n{group}:')
+                for program, (_, words) in programs.items():
+                    print(f'  {program:14} {words}')
+        elif name == '--version':
+            _print_version('gear_rattle')
+        else:
+            print(f'gear_rattle: there is no program {name!r}; gear_rattle --help lists all',
+                  file=sys.stderr)
+            status = 2
+    _end(status)
+
+
+def _print_version(name: str) -> int:
+    from importlib.metadata import version
+    print(name, version(str(__package__)))
+    return 0
+
+
+def _end(status: int) -> NoReturn:
     # Everything that was open is closed; taking LLVM and DDS down too would cost half a second.
-    sys.stdout.flush()
-    sys.stderr.flush()
+    # A stream that nobody reads, or that is closed, changes nothing.
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, OSError):
+            stream.flush()
     os._exit(status)
 
 
@@ -77,4 +152,4 @@ def __getattr__(name: str) -> Callable[[], NoReturn]:
 
 
 if __name__ == '__main__':
-    start(sys.argv.pop(1))
+    gear_rattle()

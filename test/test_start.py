@@ -1,12 +1,13 @@
 """Executables start, or explain in one line why not."""
 
 from pathlib import Path
+import re
 import subprocess
 import sys
 
 import pytest
 
-from gear_rattle_ros.start import EXECUTABLES
+from gear_rattle_ros.start import EXECUTABLES, GROUPS
 
 
 @pytest.mark.parametrize(('name', 'missing'), [
@@ -32,3 +33,41 @@ def test_a_signal_that_an_import_swallows_ends_the_program(tmp_path: Path) -> No
             f'start.EXECUTABLES["deaf"] = "deaf"; start.start("deaf")')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, '', '')
+
+
+def begun(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
+    """Run the one command."""
+    return subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', *words], text=True,
+                          capture_output=True, **options)
+
+
+@pytest.mark.parametrize('words', [(), ('--help',)])
+def test_all_programs_are_listed(words: tuple[str, ...]) -> None:
+    """By group, one line each, within the width of a terminal, without heavy imports."""
+    done = begun(*words)
+    lines = done.stdout.splitlines()
+    assert (done.returncode, done.stderr) == (0, '')
+    assert [line.split()[0] for line in lines if line.startswith('  ')] == list(EXECUTABLES)
+    assert len([line for line in lines if line.endswith(':')]) == len(GROUPS) == 4
+    assert max(map(len, lines)) < 80
+
+
+def test_an_unknown_program_is_one_line() -> None:
+    done = begun('frobs')
+    assert (done.returncode, done.stdout, done.stderr) == (
+        2, '', "gear_rattle: there is no program 'frobs'; gear_rattle --help lists all\n")
+
+
+@pytest.mark.parametrize('words', [
+    '--help', 'verify --help', 'verify doc/bag doc/bag', 'attractors --initial-conditions 16'])
+def test_a_reader_that_has_read_enough_is_no_error(words: str, tmp_path: Path) -> None:
+    """A pipe that is closed, or no stdout at all: not a word on stderr."""
+    root = Path(__file__).parents[1]
+    program = f'{sys.executable} -m gear_rattle_ros.start {words}'.replace('doc/', f'{root}/doc/')
+    # Without a stdout argparse helps on stderr.
+    for line in (f'({program}; echo $? >status) | :', f'{program} >&-; echo $? >status')[
+            :1 if 'help' in words else 2]:
+        done = subprocess.run(['sh', '-c', line], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+        assert not [one for one in done.stderr.splitlines()
+                    if not re.search('compil|same question', one)]
+        assert int((tmp_path / 'status').read_text()) in (0, 141)

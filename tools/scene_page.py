@@ -29,9 +29,10 @@ BATCH = 1024
 WINDOW = 1000
 HEAD = f"""# Scenes
 
-A scene is a situation of the paper with a name. `suite --scene NAME` plays it, `suite --scene
-list` names all of them, and the keyboard (`ros2 run gear_rattle_ros teleop`) has a key for each. A
-scene is a file in `config/scenes`. This page, its numbers and its pictures are written by
+A scene is a situation of the paper with a name. `gear_rattle suite --scene NAME` plays it,
+`gear_rattle suite --scene list` names all of them, and the keyboard (`gear_rattle teleop`) has a
+key for each. A scene is a file in `config/scenes`. This page, its numbers and its pictures are
+written by
 
     {COMMAND}
 
@@ -124,7 +125,7 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
                           for n, step in enumerate(scene.steps, 1))
         parts.append(
             f'\n## {scene.title}\n\n{textwrap.fill(scene.text, 99)}\n\n'
-            f'![{scene.title}](scenes/{name}.png)\n\n    suite --scene {name}\n\n'
+            f'![{scene.title}](scenes/{name}.png)\n\n    gear_rattle suite --scene {name}\n\n'
             f'or key {number} of the keyboard; {scene.seconds:g} s.\n\n'
             f'| step | sets | seconds at least |\n|---|---|---|\n{steps}\n'
             '\nFound in each step:\n\n' + '\n'.join(found(stretches)) + '\n')

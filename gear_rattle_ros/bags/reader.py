@@ -18,6 +18,9 @@ from ..core.model import EVENT, EventArray
 from ..core.stream.guard import StreamGuard
 from ..core.words import counted
 
+#: The unit of each column that `read_bag` returns; '1' where there is none.
+EVENT_UNITS: Final = {name: {'cycle': 'drive periods', 'index': 'impacts', 'phase': 'rad'}.get(
+    name, '1') for name in EVENT.names or ()}
 # Later than any message [ns].
 _EVER: Final = 2**65
 
@@ -150,7 +153,8 @@ def read_bag(path: str | Path, *, topic: str = '') -> EventArray:
     Returns
     -------
     ndarray of EVENT, shape (n,)
-        A structured array; ``pandas.DataFrame(read_bag(path))`` has a column for each field.
+        A structured array; ``pandas.DataFrame(read_bag(path))`` has a column for each field,
+        and `EVENT_UNITS` the unit of each.
 
     Raises
     ------

@@ -12,4 +12,4 @@ def _add_options(parser: Parser) -> None:
 
 
 main = Command('attractors', 'Find every attractor at given parameters.',
-               'attractors-{alpha:g}.zarr', _add_options)
+               _add_options)

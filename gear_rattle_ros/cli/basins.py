@@ -31,4 +31,4 @@ def _planes(given: argparse.Namespace) -> 'list[Plane]':
 
 
 main = Command('basins', 'Find on which attractor every initial condition of a grid settles.',
-               'basins-{alpha:g}.zarr', _add_options, planes=_planes)
+               _add_options, planes=_planes)

@@ -23,8 +23,10 @@ class Compilation(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if not self._kernels:
-            self._stream.write(f'{self._name}: compiling, once on this machine; this takes about '
-                               'a minute ...\n')
+            # A line of progress may stand there.
+            clear = '\r\x1b[K' if self._terminal else ''
+            self._stream.write(f'{clear}{self._name}: compiling, once on this machine; this takes '
+                               'about a minute ...\n')
         if not self._depth:
             self._begin = time.monotonic()
         self._kernels += 1

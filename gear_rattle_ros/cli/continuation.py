@@ -21,5 +21,5 @@ def _add_options(parser: Parser) -> None:
 
 
 main = Command('continuation', 'Follow attractors and their shares across alpha; locate where '
-               'they are born, double and end.', 'continuation.zarr', _add_options,
+               'they are born, double and end.', _add_options,
                keywords=options.hold_of)

@@ -23,5 +23,4 @@ def _add_options(parser: Parser) -> None:
 
 
 main = Command('crisis', 'Locate the crisis of a chaotic attractor, by the tangency of manifolds '
-               'and by escape rates; name the orbit that it collides with.', 'crisis.zarr',
-               _add_options)
+               'and by escape rates; name the orbit that it collides with.', _add_options)

@@ -15,4 +15,4 @@ def _add_options(parser: Parser) -> None:
 
 main = Command('exponents', 'Find how fast neighbouring trajectories of every initial condition '
                'diverge or converge: the largest exponent of the first impacts.',
-               'exponents-{alpha:g}.zarr', _add_options)
+               _add_options)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from . import draw
 from .refusal import attempt, INTERRUPTED, Parser
-from .run import PACKAGE
 
 if TYPE_CHECKING:
     from ..figures.paper import Recipe
@@ -26,7 +25,7 @@ def make(recipe: 'Recipe', folder: Path) -> int:
     if recipe.drawing:
         (folder / recipe.drawing.name).write_bytes(recipe.drawing.read_bytes())
     else:
-        words += ['--output', str(store), '--resume']
+        words += ['--output', str(store)]
         tool = importlib.import_module(f'.{words[0]}', __package__)
         with contextlib.redirect_stdout(printed):
             status = int(tool.main(words[1:]) or 0)
@@ -39,7 +38,7 @@ def make(recipe: 'Recipe', folder: Path) -> int:
                                     *recipe.views(folder), *looks])
                 if status:
                     return status
-    record.write_text(json.dumps({'command': shlex.join(['ros2', 'run', PACKAGE, *words]),
+    record.write_text(json.dumps({'command': shlex.join(['gear_rattle', *words]),
                                   'printed': printed.getvalue()}, indent=1), encoding='utf-8')
     return 0
 

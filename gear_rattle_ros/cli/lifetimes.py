@@ -19,5 +19,4 @@ def _add_options(parser: Parser) -> None:
 
 
 main = Command('lifetimes', 'Find how long every initial condition of a grid is transient. Chaos '
-               'counts as transient: only an orbit or rest ends it.', 'lifetimes-{alpha:g}.zarr',
-               _add_options)
+               'counts as transient: only an orbit or rest ends it.', _add_options)

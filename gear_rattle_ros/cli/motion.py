@@ -18,4 +18,4 @@ def _add_options(parser: Parser) -> None:
 
 
 main = Command('motion', 'Sample the motion of an attractor, or from an initial condition, '
-               'between the walls.', 'motion-{alpha:g}.zarr', _add_options)
+               'between the walls.', _add_options)

@@ -29,4 +29,4 @@ def _add_options(parser: Parser) -> None:
 
 main = Command('orbit_diagram', 'Count impact velocities against alpha, from many initial '
                'conditions and followed up and down, with the largest exponent.',
-               'orbit_diagram.zarr', _add_options, keywords=options.hold_of)
+               _add_options, keywords=options.hold_of)

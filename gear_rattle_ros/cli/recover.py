@@ -6,7 +6,7 @@ from .refusal import attempt, Parser
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = Parser(prog='recover', description=(
+    parser = Parser('recover', description=(
         'Copy everything that can still be read of a cut or damaged bag into a new one with an '
         'index, and report what is missing. The bag itself is never touched.'))
     parser.add_argument('bag', metavar='BAG', type=Path, help='bag directory or .mcap file')

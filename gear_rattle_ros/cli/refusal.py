@@ -6,18 +6,21 @@ import re
 import sys
 from typing import Any, Final, NoReturn
 
+from ..places import program
+
 INTERRUPTED: Final = 130
 
 
 class Parser(argparse.ArgumentParser):
     """Options of a tool; refuses with one line, and takes ``-1e-3`` and ``-pi`` for numbers."""
 
-    def __init__(self, *arguments: Any, **settings: Any) -> None:
-        super().__init__(*arguments, **settings)
+    def __init__(self, name: str, **settings: Any) -> None:
+        super().__init__(program(name), **settings)
+        self._name = name
         self._negative_number_matcher = re.compile(r'^-[\d.p]')
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f'{self.prog}: {message}\n')
+        self.exit(2, f'{self._name}: {message}\n')
 
 
 def attempt(name: str, action: Callable[[], int]) -> int:
@@ -27,6 +30,8 @@ def attempt(name: str, action: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         print(f'{name}: interrupted', file=sys.stderr)
         return INTERRUPTED
+    except BrokenPipeError:
+        raise
     except OSError as error:
         message = f'{error.filename}: {error.strerror}' if error.filename else str(error)
     except (MemoryError, ValueError) as error:

@@ -5,7 +5,7 @@ Nothing but the standard library is imported before the options are read, so tha
 """
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 import importlib
 import inspect
@@ -17,11 +17,11 @@ from typing import Any, Final, TYPE_CHECKING
 
 from .options import model_of, number, plane_of, whole
 from .refusal import attempt, INTERRUPTED, Parser
+from ..places import typed
 
 if TYPE_CHECKING:
     from ..attractors.plane import Plane
 
-PACKAGE: Final = 'gear_rattle_ros'
 # Endings of pictures.
 PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
 
@@ -32,7 +32,6 @@ class Command:
 
     name: str
     description: str
-    output: str  # default name of the store, with options in braces, such as ``{alpha:g}``
     add_options: Callable[[Parser], None]
     # An option with the name of a keyword of the study is passed to it; these replace some.
     keywords: Callable[[argparse.Namespace], dict[str, Any]] = lambda given: {}
@@ -44,18 +43,20 @@ class Command:
         words = sys.argv[1:] if arguments is None else list(arguments)
         parser = Parser(self.name, description=self.description)
         self.add_options(parser)
+        asked = {action.dest: action.default for action in parser._actions}
         _add_run(parser)
         if self.has_picture:
             add_picture(parser)
             add_views(parser)
         given = parser.parse_args(words)
-        command = shlex.join(['ros2', 'run', PACKAGE, self.name, *words])
-        return attempt(self.name, lambda: self._run(given, command))
+        given.output = given.output or Path(f'{_name(self.name, asked, given)}.zarr')
+        return attempt(self.name, lambda: self._run(given, words))
 
-    def _run(self, given: argparse.Namespace, command: str) -> int:
+    def _run(self, given: argparse.Namespace, words: list[str]) -> int:
         drawn = getattr(given, 'picture', None)
         require_picture(drawn)
-        path = output = given.output or Path(self.output.format_map(vars(given)))
+        path = output = given.output
+        command = shlex.join(['gear_rattle', self.name, *words])
         try:
             from .compilation import reporting_compilation
             with reporting_compilation(self.name, sys.stderr):
@@ -67,7 +68,7 @@ class Command:
                     self._study(given, plane, path, picture, command)
             return 0
         except KeyboardInterrupt:
-            return _report_stop(self.name, path, command)
+            return _report_stop(self.name, path, words)
 
     def _study(self, given: argparse.Namespace, plane: 'Plane', output: Path,
                picture: Path | None, command: str) -> None:
@@ -80,7 +81,7 @@ class Command:
             keywords['alphas'] = tuple(given.alpha)
         store = study.compute(
             model_of(given), plane=plane, **keywords | self.keywords(given), store=output,
-            resume=given.resume, cluster=given.cluster, threads=given.threads, command=command,
+            resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
         print(output)
@@ -93,13 +94,33 @@ class Command:
 def _add_run(parser: Parser) -> None:
     group = parser.add_argument_group('running')
     group.add_argument('--output', type=Path, metavar='DIR.zarr',
-                       help='the store; named after the tool and its parameters by default')
-    group.add_argument('--resume', action='store_true',
-                       help='go on with a store whose tiles are not all done')
+                       help='the store, by default named after the tool, alpha and every '
+                       'other option that changes the result; one that is there already is gone '
+                       'on with, or drawn again, if it answers the same question')
+    # Older versions went on with a store only where they were told to.
+    group.add_argument('--resume', action='store_true', help=argparse.SUPPRESS)
     group.add_argument('--cluster', metavar='ADDRESS',
                        help='run the tiles on a Dask cluster, such as tcp://host:8786')
     group.add_argument('--threads', type=whole(1), metavar='N',
                        help='threads here; one for each processor by default')
+
+
+def _name(name: str, asked: Mapping[str, Any], given: argparse.Namespace) -> str:
+    """Return the name of a store: the tool, a single alpha, and all options with other values."""
+    parts = [name]
+    for option, default in asked.items():
+        value = getattr(given, option, default)
+        is_single = option == 'alpha' and isinstance(value, float)
+        if option != 'colours' and (is_single or _flat(value) != _flat(default)):
+            parts += [*([] if is_single else [option.replace('_', '-')]), '_'.join(_flat(value))]
+    return '-'.join(parts)
+
+
+def _flat(value: Any) -> list[str]:
+    if isinstance(value, (list, tuple)):
+        return [word for each in value for word in _flat(each)]
+    return [Path(str(value)).stem if isinstance(value, Path)
+            else str(value).removesuffix('.0').replace('/', '_')]
 
 
 def add_picture(parser: Parser) -> None:
@@ -147,7 +168,7 @@ def require_picture(path: Path | None) -> None:
         raise ValueError(f'--picture {path} does not end in one of {" ".join(PICTURES)}')
 
 
-def _report_stop(name: str, output: Path, command: str) -> int:
+def _report_stop(name: str, output: Path, words: list[str]) -> int:
     from ..core.words import counted
     from ..store.store import Store, StoreError
     try:
@@ -156,7 +177,6 @@ def _report_stop(name: str, output: Path, command: str) -> int:
         done = total - len(store.pending())
     except StoreError:
         done = total = 0
-    resume = '' if '--resume' in shlex.split(command) else ' --resume'
     print(f'{name}: stopped; {output} keeps {done:,} of {counted(total, "tile")}; go on '
-          f'with: {command}{resume}', file=sys.stderr)
+          f'with: {shlex.join([*typed(name), *words])}', file=sys.stderr)
     return INTERRUPTED

@@ -25,5 +25,4 @@ def _add_options(parser: Parser) -> None:
                         help='compare the density with that of another section')
 
 
-main = Command('section', 'Count impacts on the section of phase and velocity.', 'section.zarr',
-               _add_options)
+main = Command('section', 'Count impacts on the section of phase and velocity.', _add_options)

@@ -11,10 +11,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag directory or .mcap file')
     add_picture(parser)
     parser.add_argument('--output', dest='picture', type=Path, metavar='FILE',
-                        help='the same as --picture; summary.png beside the bag by default')
+                        help='the same as --picture; by default BAG-summary.png beside the bag')
     given = parser.parse_args(arguments)
     bag = given.bag.resolve()
-    output = given.picture or bag.parent / 'summary.png'
+    output = given.picture or bag.with_name(f'{bag.name}-summary.png')
 
     def run() -> int:
         from ..bags import Bag, BagError

@@ -36,5 +36,5 @@ def _add_options(parser: Parser) -> None:
 
 main = Command('transitions', 'Locate every transition of the attractors in windows of alpha: '
                'births, doublings, mergings, crises and ends, with the orbits that chaos collides '
-               'with.', 'transitions.zarr', _add_options,
+               'with.', _add_options,
                keywords=lambda given: {'windows': given.alpha}, has_picture=False)

@@ -8,7 +8,7 @@ from .refusal import attempt, Parser
 
 def main(arguments: list[str] | None = None) -> int:
     """Verify bags; the exit status is 1 where one is not verified, 2 where one is not readable."""
-    parser = Parser(prog='verify', description=(
+    parser = Parser('verify', description=(
         'Rebuild every flight of a recorded run from the bag alone, reproduce each event bit for '
         'bit, and recompute the exponents and transients that were recorded live.'))
     parser.add_argument('bags', nargs='+', metavar='BAG', type=Path,

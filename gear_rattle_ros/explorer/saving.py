@@ -34,7 +34,7 @@ class Saving:
             now = datetime.datetime.now().strftime('%Y-%m-%d-%H%M%S-%f')[:-3]
             place = self._folder / f'{now}-{view.kind}'
             words = view.command(f'{view.kind}.zarr', f'{view.kind}.png')
-            command = shlex.join(['ros2', 'run', 'gear_rattle_ros', *words])
+            command = shlex.join(['gear_rattle', *words])
             try:
                 place.mkdir(parents=True)
                 (place / 'command.txt').write_text(command + '\n')
@@ -49,7 +49,7 @@ class Saving:
         self._report(f'saving into {place} ...', True)
 
     def stop(self) -> None:
-        """Stop saving; the tiles are kept, and the command in command.txt resumes by --resume."""
+        """Stop saving; the tiles are kept, and the command in command.txt goes on."""
         process = self._process
         if process is not None and process.poll() is None:
             process.send_signal(signal.SIGINT)

@@ -15,6 +15,7 @@ import textwrap
 from typing import Any, Final
 
 from .style import pack
+from ..places import typed
 from ..plain_yaml import read_yaml
 
 FIELDS: Final = ('figure', 'title', 'paper', 'agrees', 'ours', 'command')
@@ -134,8 +135,8 @@ def write_page(recipes: dict[str, Recipe], folder: Path, page: Path) -> Path:
     beside.mkdir(parents=True, exist_ok=True)
     for recipe in recipes.values():
         if not recipe.data(folder, '.json').exists():
-            raise ValueError(f'figure {recipe.figure} has not been made; run: figures '
-                             f'{recipe.figure}')
+            raise ValueError(f'figure {recipe.figure} has not been made; run: '
+                             f'{shlex.join([*typed("figures"), recipe.figure])}')
         for name in recipe.files:
             if recipe.drawing:
                 shutil.copyfile(recipe.drawing, beside / name)
@@ -162,7 +163,7 @@ def _part(recipe: Recipe, folder: Path, place: str) -> str:
             lines += [*textwrap.wrap(text, 99, break_on_hyphens=False, break_long_words=False), '']
     if not recipe.drawing:
         lines += ['```sh', ' \\\n'.join(textwrap.wrap(shlex.join(
-            [*recipe.command, *recipe.views(Path('figures')), *(
+            ['gear_rattle', *recipe.command, *recipe.views(Path('figures')), *(
                 () if recipe.is_table else ('--picture', f'figure-{recipe.figure}.png'))]), 95,
             break_on_hyphens=False, subsequent_indent='    ')), '```', '', '```text', *(
                 line.rstrip() for line in record['printed'].strip('\n').splitlines()

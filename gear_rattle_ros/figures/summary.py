@@ -7,9 +7,10 @@ import textwrap
 from typing import Any, Final, TypeAlias
 
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 import numpy as np
 
 from .digest import Digest, digest_of, in_words, RowArray
@@ -29,6 +30,8 @@ PERIODS: Final = 6
 IMPACTS_LEAST: Final = 30
 # More retunes than this are a ramp: no line for each.
 LINES_MOST: Final = 20
+# More values of alpha than this have a bar of colours instead of a legend.
+LEGEND_MOST: Final = 8
 # Lines of words that fit below the section.
 WORDS_ROWS: Final = 8
 MAP: Final = 'plasma'
@@ -54,11 +57,21 @@ def draw(digest: Digest, name: str, **options: Any) -> Figure:
         return np.asarray(looks.scale(MAP)(1.0 - share if looks.is_paper else share), np.float64)
 
     draw_section(section, digest, colour)
+    if len(np.unique(digest.points.rows['alpha'])) > LEGEND_MOST:
+        shades = ListedColormap(colour(np.linspace(norm.vmin or 0.0, norm.vmax or 1.0, 256)))
+        figure.colorbar(ScalarMappable(norm, shades), ax=section, label='alpha [1]',
+                        location='bottom', aspect=40, shrink=0.9)
     draw_words(words, digest)
     draw_velocity(velocity, digest, colour)
     draw_alpha(alpha, digest, looks)
     draw_exponents(exponents, digest, looks)
     draw_motion(motion, digest, looks)
+    for axes in (velocity, alpha):
+        axes.sharex(exponents)
+        axes.set_xlabel('')
+        axes.tick_params(labelbottom=False)
+    low, high = _spread(digest.points.rows['impact'])
+    exponents.set_xlim(low - 0.01 * (high - low), high + 0.01 * (high - low))
     return figure
 
 
@@ -84,13 +97,12 @@ def draw_section(axes: Axes, digest: Digest, colour: Colour) -> None:
     # Room for the legend above the points.
     low, high = _spread(points['velocity'])
     axes.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
-    values, counts = np.unique(points['alpha'], return_counts=True)
-    shown = values[np.argsort(-counts, kind='stable')][:8]
-    for value in sorted(shown):
-        axes.scatter([], [], s=30, color=colour(value), label=f'alpha {value:g}')
-    if len(values) > len(shown):
-        axes.scatter([], [], s=0, label=f'and {len(values) - len(shown):,} more')
-    axes.legend(loc='upper right', framealpha=0.9)
+    values = np.unique(points['alpha'])
+    # More are a ramp, which has a bar of its own.
+    if len(values) <= LEGEND_MOST:
+        for value in values:
+            axes.scatter([], [], s=30, color=colour(value), label=f'alpha {value:g}')
+        axes.legend(loc='upper right', framealpha=0.9)
 
 
 def draw_words(axes: Axes, digest: Digest) -> None:
@@ -127,9 +139,12 @@ def draw_velocity(axes: Axes, digest: Digest, colour: Colour) -> None:
 def draw_alpha(axes: Axes, digest: Digest, looks: Looks) -> None:
     assert digest.place is not None
     changes = digest.changes.rows
-    axes.step([*changes['drive_time'], digest.place.drive_time],
-              [*changes['alpha'], digest.place.event['alpha']], where='post', color=looks.hue(1))
-    axes.set(title='Amplitude of the drive', xlabel='time [drive periods]', ylabel='alpha [1]')
+    # Before the next impact all lies on one number.
+    marker = '' if changes['impact'][0] < digest.place.impact else '.'
+    axes.step([*changes['impact'], digest.place.impact],
+              [*changes['alpha'], digest.place.event['alpha']], where='post', color=looks.hue(1),
+              marker=marker)
+    axes.set(title='Amplitude of the drive', xlabel='impact number', ylabel='alpha [1]')
     axes.margins(x=0.0, y=0.2)
     _count_axis(axes)
 
@@ -148,8 +163,7 @@ def draw_exponents(axes: Axes, digest: Digest, looks: Looks) -> None:
         '' if np.any(np.isfinite(rows['lambda_1']) | np.isfinite(rows['lambda_1_finite']))
         else f'fewer than {IMPACTS_LEAST} impacts in every epoch')
     if why:
-        axes.set_xlim(0.0, max(float(rows['impact'][-1]), 1.0) if len(rows) else 1.0)
-        axes.text(0.5, 0.95, why, transform=axes.transAxes, ha='center', va='top', color=GREY)
+        _explain(axes, why)
     if not len(rows):
         return
     x = _broken(rows, 'impact')
@@ -175,6 +189,8 @@ def draw_exponents(axes: Axes, digest: Digest, looks: Looks) -> None:
 def draw_motion(axes: Axes, digest: Digest, looks: Looks) -> None:
     """Draw the motion between the walls over the last drive periods."""
     motion = rebuild(digest.tail, TWO_PI / 200.0, PERIODS)
+    if len(digest.tail) < 2:
+        _explain(axes, 'the last event has none before it from which the gear came')
     for wall in (0.0, -1.0):
         axes.axhline(wall, color=looks.hue(1), linewidth=2.0)
     axes.plot(motion.tau / TWO_PI, motion.displacement, color=looks.hue(0), linewidth=1.2)
@@ -207,5 +223,10 @@ def _broken(rows: RowArray, name: str) -> FloatArray:
     return np.insert(values, np.flatnonzero(np.diff(rows['epoch'])) + 1, math.nan)
 
 
+def _explain(axes: Axes, why: str) -> None:
+    axes.text(0.5, 0.9, why, transform=axes.transAxes, ha='center', va='top', color=GREY)
+
+
 def _count_axis(axes: Axes) -> None:
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.xaxis.set_major_formatter(FuncFormatter(thousands))

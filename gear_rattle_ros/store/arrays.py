@@ -14,7 +14,7 @@ from .layout import Variable
 from ..core.words import shown
 
 ELSE: Final = 'choose another --output'
-REMEDY: Final = 'go on with --resume, which makes it anew'
+REMEDY: Final = 'the same command again makes it anew'
 
 
 class StoreError(ValueError):

@@ -33,9 +33,12 @@ def make_store(path: Path | str | None, layout: Layout, command: str, *, resume:
         path = folder / 'store.zarr'
     path = Path(path)
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        store = Store(path)
+        _require_identity(path, store.attrs, layout)
         if not resume:
-            raise StoreError(f'{path} exists; add --resume to go on with it, or {ELSE}')
-        return _continued(path, layout)
+            raise StoreError(f'{path} exists and answers the same question; open it, go on with '
+                             f'it by resume=True, or {ELSE}')
+        return _continued(path, store, layout)
     # A store half made must never be taken for one: it appears complete, by renaming.
     fresh = path.with_name(f'.{path.name}.new')
     try:
@@ -90,9 +93,7 @@ def _fill(path: Path, layout: Layout, command: str) -> None:
     consolidate(path)
 
 
-def _continued(path: Path, layout: Layout) -> Store:
-    store = Store(path)
-    _require_identity(path, store.attrs, layout)
+def _continued(path: Path, store: Store, layout: Layout) -> Store:
     for axis in layout.axes:
         if not store.has_table(axis.name):
             store.write_table({axis.name: ((axis.name,), axis.values, axis.attributes)})
@@ -118,8 +119,8 @@ def _require_identity(path: Path, attributes: Mapping[str, Any], layout: Layout)
     ours = json.loads(json.dumps(layout.identity))
     for name in sorted({*theirs, *ours}):
         if theirs.get(name) != ours.get(name):
-            raise StoreError(f'{path} was made with {name} = {shown(theirs.get(name))}, not '
-                             f'{shown(ours.get(name))}; {ELSE}')
+            raise StoreError(f'{path} answers another question, with {name} = '
+                             f'{shown(theirs.get(name))}, not {shown(ours.get(name))}; {ELSE}')
 
 
 def _require_version(path: Path, store: Store) -> None:

@@ -166,8 +166,8 @@ class Store:
         import xarray
         if self.pending():
             raise StoreError(f'{self.path}: {len(self.pending())} of '
-                             f'{counted(len(self.tiles), "tile")} must still be done; go on with '
-                             '--resume')
+                             f'{counted(len(self.tiles), "tile")} must still be done; the same '
+                             'command again does them')
         with reading(self.path, REMEDY):
             dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
             # What was asked for comes first, then the tables, whatever order the disk has.

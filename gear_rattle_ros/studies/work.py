@@ -11,6 +11,7 @@ from typing import Final, Generic, ParamSpec, TYPE_CHECKING, TypeAlias, TypedDic
 
 from .progress import Progress
 from ..attractors.engine import run_tiles
+from ..core.words import counted
 from ..store.layout import Layout
 from ..store.making import make_store
 from ..store.store import Store
@@ -74,13 +75,22 @@ class Work:
 
     def begin(self, layout: Layout) -> Store:
         """Make the store, or open the one to go on with; StoreError where neither can be."""
-        return make_store(None if self.store is None else Path(self.store), layout, self.command,
-                          resume=self.resume)
+        path = None if self.store is None else Path(self.store)
+        was_there = path is not None and (path / 'zarr.json').exists()
+        store = make_store(path, layout, self.command, resume=self.resume)
+        if was_there and self._reports:
+            total = len(store.tiles)
+            print(f'{path} answers the same question: {total - len(store.pending()):,} of '
+                  f'{counted(total, "tile")} done already', file=sys.stderr)
+        return store
+
+    @property
+    def _reports(self) -> bool:
+        return sys.stderr.isatty() if self.progress is None else self.progress
 
     def report(self, name: str, total: int, *, uneven: bool = False) -> Progress:
         """Begin to report progress; `total` counts initial conditions or the like."""
-        reports = sys.stderr.isatty() if self.progress is None else self.progress
-        return Progress(name, total, sys.stderr, not reports, uneven)
+        return Progress(name, total, sys.stderr, not self._reports, uneven)
 
     def run(self, fill: Callable[[int], Result], tiles: list[int],
             finished: Callable[[int, Result], None]) -> None:

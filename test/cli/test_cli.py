@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import io
 import json
 import shlex
 import signal
@@ -11,11 +12,14 @@ import time
 
 from grids import files_of
 from matplotlib.image import imread
+from numba.core import event
 import numpy as np
 import pytest
 
 from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes
+from gear_rattle_ros.cli.compilation import reporting_compilation
 from gear_rattle_ros.cli.options import number, Parser
+from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 from gear_rattle_ros.studies.progress import in_words, Progress
 
@@ -85,14 +89,40 @@ def test_options_and_functions_have_the_same_defaults(name):
 
 
 def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
-    """--resume goes on with the same result only."""
-    common = ['--size', '6', '--initial-conditions', '20', '--output', str(tmp_path / 'a.zarr')]
+    """The same question goes on, or is drawn again; another one is refused at once."""
+    path = tmp_path / 'a.zarr'
+    common = ['--size', '6', '--initial-conditions', '20', '--output', str(path)]
     assert basins.main(common) == 0
-    assert basins.main(common) == 2
-    assert 'add --resume' in capsys.readouterr().err
-    assert basins.main([*common, '--resume', '--alpha', '0.5']) == 2
-    assert 'alpha = 0.48, not 0.5;' in capsys.readouterr().err
-    assert basins.main([*common, '--resume']) == 0
+    assert 'same question' not in capsys.readouterr().err
+    picture = tmp_path / 'a.png'
+    assert basins.main([*common, '--picture', str(picture)]) == 0
+    assert picture.exists()
+    assert f'{path} answers the same question: 1 of 1 tile done already\n' in (
+        capsys.readouterr().err)
+    assert basins.main([*common, '--alpha', '0.5']) == 2
+    assert (f'{path} answers another question, with alpha = 0.48, not 0.5; choose another'
+            in capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(('tool', 'options', 'name'), [
+    ('basins', '', 'basins-0.48'),
+    ('basins', '--alpha 1.2347058 --beta 0.1 --size 400', 'basins-1.2347058'),
+    ('basins', '--beta 0.2 --size 6 4 --velocity -1 2pi --threads 2 --dpi 50 --picture a.png',
+     'basins-0.48-beta-0.2-velocity--1_6.283185307179586-size-6_4'),
+    ('orbit_diagram', '--sweep up down', 'orbit_diagram-sweeps-up_down'),
+    ('orbit_diagram', '--alpha 1 1.75', 'orbit_diagram-alpha-1_1.75'),
+    ('transitions', '--alpha 0.5 0.6', 'transitions-alpha-0.5_0.6'),
+    ('lifetimes', '--grey', 'lifetimes-1.244'),
+    ('section', '--compare /some/other.zarr', 'section-1.23-compare-other'),
+    ('motion', '--attractor A --initial 0 -1 0', 'motion-0.48-attractor-A-initial-0_-1_0')])
+def test_a_store_is_named_after_its_question(tool, options, name, monkeypatch):
+    """The tool, alpha, and everything that is not the default, as it was given."""
+    module = importlib.import_module(f'gear_rattle_ros.cli.{tool}')
+    found = []
+    monkeypatch.setattr(type(module.main), '_run',
+                        lambda self, given, words: found.append(str(given.output)) or 0)
+    assert module.main(shlex.split(options)) == 0
+    assert found == [f'{name}.zarr']
 
 
 @pytest.mark.parametrize(('tool', 'options', 'grids'), [
@@ -126,9 +156,9 @@ def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     assert f'{path} keeps {25 - len(pending)} of 25 tiles; go on with' in line
     assert 0 < len(pending) < 25
     resume = shlex.split(line.split('go on with: ')[1])
-    assert resume[:4] == ['ros2', 'run', 'gear_rattle_ros', tool]
-    assert resume[-1] == '--resume'
-    assert TOOLS[tool](resume[4:]) == 0
+    begin = typed(tool)
+    assert resume[:len(begin)] == begin
+    assert TOOLS[tool](resume[len(begin):]) == 0
     assert TOOLS[tool](command(tmp_path / 'b.zarr')[4:]) == 0
     resumed, whole = Store(path), Store(tmp_path / 'b.zarr')
     assert files_of(resumed) == files_of(whole)
@@ -170,8 +200,7 @@ def test_every_dataset_describes_itself(tmp_path, tool):
     for name in ('alpha', 'gamma', 'restitution', 'displacement', 'phase_window',
                  'velocity_window', 'tolerance', 'hold', 'initial_conditions', 'created', 'title'):
         assert name in attributes
-    assert attributes['command'] == shlex.join(
-        ['ros2', 'run', 'gear_rattle_ros', tool, *options])
+    assert attributes['command'] == shlex.join(['gear_rattle', tool, *options])
     assert json.loads(attributes['versions'])['numpy'] == np.__version__
 
 
@@ -202,3 +231,25 @@ def test_progress_has_rate_and_time_left(capsys, monkeypatch):
     assert capsys.readouterr().err == (
         'basins: 300 of 300, 6.0 million impacts/s, 0 s left\n')
     assert [in_words(seconds) for seconds in (9.7, 600.0, 7200.0)] == ['10 s', '10 min', '2.0 h']
+
+
+def test_progress_and_what_is_reported_have_lines_of_their_own():
+    """On a terminal, what is compiled while a line of progress stands replaces that line."""
+    class Screen(io.StringIO):
+
+        def isatty(self):
+            return True
+
+    screen = Screen()
+    with Progress('continuation', 9, screen) as progress, reporting_compilation(
+            'continuation', screen):
+        progress._every = 0.0
+        progress.add(4)
+        with event.trigger_event('numba:compile'):
+            progress.add(5)
+    shown = [text.split('\r')[-1].removeprefix('\x1b[K')
+             for text in screen.getvalue().split('\n')]
+    assert shown[0] == ('continuation: compiling, once on this machine; this takes about a minute '
+                        '...')
+    assert shown[1].startswith('continuation: compiled 1 kernel in ')
+    assert shown[2] == ''

@@ -7,6 +7,7 @@ import pytest
 
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.explorer.simulator_link import SimulatorLink
+from gear_rattle_ros.places import typed
 
 pytest.importorskip('rclpy')
 
@@ -48,5 +49,5 @@ def test_without_a_simulator_it_explains_what_to_do(domain: int) -> None:
     said, is_good = link.send(State(0, 1.0, 0.0, 0.5), Parameters())
     link.close()
     assert not is_good
-    assert said == ('no simulator answers as /simulator; start one with: ros2 run gear_rattle_ros '
-                    'simulator')
+    assert said == ('no simulator answers as /simulator; start one with: '
+                    + ' '.join(typed('simulator')))

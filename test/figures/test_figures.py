@@ -87,7 +87,7 @@ def test_the_page_shows_every_figure_with_its_command(drawn):
     for figure in COMMANDS:
         assert (f'figure-{figure}.png' in page) == (figure != 'table')
         record = json.loads((drawn / 'data' / f'figure-{figure}.json').read_text())
-        assert record['command'].startswith('ros2 run gear_rattle_ros ')
+        assert record['command'].startswith('gear_rattle ')
     assert 'Small &amp; quick' in page and '&lt;none&gt;' in page
 
 

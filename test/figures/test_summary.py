@@ -5,6 +5,7 @@ from pathlib import Path
 
 from bag_maker import batches as serialized, make_bag
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.image import imread
 import numpy as np
 import pytest
@@ -113,6 +114,55 @@ def test_a_panel_that_stays_empty_explains_why() -> None:
     assert 'orbit of 68 impacts' in said[-1]
 
 
+def panels(batches: list[np.ndarray]) -> dict[str, Axes]:
+    """Return the parts of a picture by the beginning of their titles."""
+    figure = draw(digest_of(batches), 'bag')
+    return {axes.get_title().split()[0]: axes for part in figure.subfigs for axes in part.axes
+            if axes.get_title()} | {'all': figure}
+
+
+def test_a_ramp_has_a_bar_of_colours_and_a_step_a_legend() -> None:
+    """The bar spans the values of alpha, in the colours of the points."""
+    simulation = Simulation(Parameters(0.57), State(velocity=-1.0))
+    ramp, alphas = [simulation.advance(1, 0.0, 100)], [0.57]
+    for k in range(2, 41):
+        alphas.append(0.57 + 1e-3 * k)
+        ramp += [simulation.retune(Parameters(alphas[-1])), simulation.advance(k, 0.0, 100)]
+    parts = panels(ramp)
+    bar, = (axes for axes in parts['all'].axes if axes.get_xlabel() == 'alpha [1]')
+    assert bar.get_xlim() == pytest.approx((min(alphas), max(alphas)))
+    colours = parts['Section:'].collections[0].get_facecolors()
+    shades = bar.collections[-1].cmap
+    assert shades(0.0) == pytest.approx(colours[0]) and shades(1.0) == pytest.approx(colours[-1])
+    assert parts['Section:'].get_legend() is None
+    parts = panels(story(60))
+    assert len(parts['Section:'].get_legend().get_texts()) == 2
+    assert not any(axes.get_xlabel() == 'alpha [1]' for axes in parts['all'].axes)
+
+
+def test_panels_share_the_axis_of_the_impacts() -> None:
+    """Velocity, amplitude and exponents stand above each other; the axis is named once."""
+    batches = story(60)
+    parts = panels(batches)
+    three = [parts[name] for name in ('Velocity', 'Amplitude', 'Lyapunov')]
+    assert len({axes.get_xlim() for axes in three}) == 1
+    assert [axes.get_xlabel() for axes in three] == ['', '', 'impact number']
+    total = impact_count(np.concatenate(batches))
+    low, high = three[0].get_xlim()
+    assert low < 1 and total < high < 1.02 * total
+    retune = impact_count(np.concatenate(batches[:30]))
+    x, y = three[1].lines[0].get_data()
+    assert y[list(x).index(retune)] == 1.244
+
+
+def test_one_event_alone_is_drawn_and_explained() -> None:
+    last = np.concatenate(story(60))[-1:]
+    parts = panels([last])
+    assert [line.get_marker() for line in parts['Amplitude'].lines] == ['.']
+    assert 'none before it' in parts['Displacement'].texts[0].get_text()
+    assert 'fewer than 30 impacts' in parts['Lyapunov'].texts[0].get_text()
+
+
 @pytest.fixture(scope='module')
 def picture(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     """Return the pixels of a picture of the story, each channel from 0 to 255."""
@@ -138,12 +188,12 @@ def test_picture_has_its_size_and_every_part_is_drawn(picture: np.ndarray) -> No
     section, right = picture[50:800, 60:730], picture[:, 820:]
     # How many points the transient has at 1.244 depends on the last bits of a flight.
     assert count(section, low) > 100 and count(section, high) > 100
-    velocity, exponents, motion = right[50:230], right[470:710], right[810:960]
+    velocity, exponents, motion = right[50:240], right[430:770], right[800:960]
     assert count(velocity, low) > 300 and count(velocity, high) > 300
     for colour in (BLUE, GREEN, PURPLE, RED, GREY):
         assert count(exponents, colour) > 50
     assert count(motion, BLUE) > 500 and count(motion, RED) > 1000
-    assert count(right[290:420], RED) > 500
+    assert count(right[290:390], RED) > 500
     words = picture[830:, 60:730]
     assert (words.min(axis=2) < 100).sum() > 300
 
@@ -154,8 +204,16 @@ def test_command_makes_a_picture_of_a_bag(tmp_path: Path,
     bag = tmp_path / 'bag'
     make_bag(bag, serialized(np.concatenate(story(60))))
     assert main([str(bag)]) == 0
-    assert capsys.readouterr().out == f'{tmp_path / "summary.png"}\n'
-    assert imread(tmp_path / 'summary.png').shape[:2] == (1000, 1600)
+    assert capsys.readouterr().out == f'{tmp_path / "bag-summary.png"}\n'
+    made = tmp_path / 'bag-summary.png'
+    assert imread(made).shape[:2] == (1000, 1600)
+    before = made.read_bytes()
+    # A bag beside it has a picture of its own, even one of the same stem.
+    other = tmp_path / 'bag.mcap'
+    other.write_bytes(next(bag.glob('*.mcap')).read_bytes())
+    assert main([str(other)]) == 0
+    assert capsys.readouterr().out == f'{tmp_path / "bag.mcap-summary.png"}\n'
+    assert made.read_bytes() == before
     assert main([str(bag), '--output', str(tmp_path / 'no' / 'a.png')]) == 2
     assert capsys.readouterr().err == (
         f'summary: --picture {tmp_path}/no/a.png cannot be written\n')

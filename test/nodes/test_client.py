@@ -34,6 +34,12 @@ def test_what_is_set_is_read_and_a_refusal_gives_up_what_waits(start, visitor) -
     visitor.wait()
     assert (found['beta'], found['gamma'], said) == (0.1, 0.1, ['paused'])
     visitor.get(('seed',), found.update)
+    visitor.wait()
+    assert found['seed'] == 7
+    visitor.get(('alpha', 'frobs'), found.update)
+    with pytest.raises(ClientError, match='is not a gear rattling simulator'):
+        visitor.wait()
+    visitor.get(('use_sim_time',), found.update)
     with pytest.raises(ClientError, match='is not a gear rattling simulator'):
         visitor.wait()
 

@@ -1,4 +1,4 @@
-"""Stores that were interrupted or damaged: repaired with --resume, or refused in one line."""
+"""Stores that were interrupted or damaged: repaired when gone on with, or refused in one line."""
 
 import dataclasses
 import json
@@ -112,14 +112,14 @@ def test_a_damaged_tile_is_computed_anew(copy, capsys, what):
     else:
         chunk.write_bytes(bytes(100))
     with pytest.raises(StoreError, match=r'a\.zarr/rate/c\.1\.1\.0: tile 4 is damaged or missing; '
-                                         r'go on with --resume, which makes it anew$'):
+                                         r'the same command again makes it anew$'):
         open_dataset(copy)
     store = make_store(copy, LAYOUT, 'command', resume=True)
     assert store.pending() == [4]
     assert capsys.readouterr().err == (
         f'test: {copy}: 1 finished tile must be computed anew: {chunk} (tile 4) is damaged or '
         'missing\n')
-    with pytest.raises(StoreError, match='1 of 9 tiles must still be done; go on with --resume'):
+    with pytest.raises(StoreError, match='1 of 9 tiles must still be done; the same command'):
         open_dataset(copy)
     compute(copy)
     require_right(copy)
@@ -143,7 +143,7 @@ def test_damage_beside_the_tiles(copy, name, remove):
     chunk = copy / name / 'c.0'
     chunk.unlink() if remove else flip(chunk)
     expected = 'of 9 tiles must still be done' if name == 'tile_done' else (
-        f'{name} is damaged or missing; go on with --resume')
+        f'{name} is damaged or missing; the same command')
     with pytest.raises(StoreError, match=expected):
         open_dataset(copy)
     assert not Store(copy).has_table(name) or name == 'tile_done' and not remove
@@ -168,7 +168,7 @@ def test_another_store_is_refused(copy):
     for name, value in (('alpha', 0.57), ('alpha', float('nan')), ('alpha', float('inf')),
                         ('tool', 'basins'), ('phase_window', [0.0, 6.0]), ('more', 1)):
         other = dataclasses.replace(LAYOUT, identity={**LAYOUT.identity, name: value})
-        with pytest.raises(StoreError, match=f'was made with {name} = .*; choose another'):
+        with pytest.raises(StoreError, match=f'another question, with {name} = .*; choose'):
             compute(copy, layout=other)
     axes = (dataclasses.replace(LAYOUT.axes[0], values=np.linspace(-1.0, 2.0, 7)),
             *LAYOUT.axes[1:])

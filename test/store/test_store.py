@@ -72,9 +72,9 @@ def test_marks_outlive_the_process_that_made_them(tmp_path):
 
 
 def test_what_is_something_else_is_refused(tmp_path):
-    """Without --resume, with other parameters, and where there is no store at all."""
+    """Without resume, with other parameters, and where there is no store at all."""
     make_store(tmp_path / 'a', LAYOUT, 'command')
-    with pytest.raises(StoreError, match='add --resume'):
+    with pytest.raises(StoreError, match='answers the same question; .* resume=True'):
         make_store(tmp_path / 'a', LAYOUT, 'command')
     other = dataclasses.replace(LAYOUT, identity={**LAYOUT.identity, 'alpha': 0.57})
     with pytest.raises(StoreError, match=r'alpha = 0\.48, not 0\.57'):

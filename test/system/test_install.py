@@ -135,6 +135,34 @@ def test_ros_finds_the_executables(prefix: Path) -> None:
     assert all(path.is_file() and os.access(path, os.X_OK) for path in found)
 
 
+def test_only_one_name_is_put_on_the_path(kind: str, prefix: Path) -> None:
+    """Of pip comes the one command; colcon leaves bin/ alone."""
+    there = prefix / 'bin'
+    made = {path.name for path in there.iterdir()} if there.exists() else set()
+    assert made & {*EXECUTABLES, 'gear_rattle'} == ({'gear_rattle'} if 'pip' in kind else set())
+
+
+def test_texts_name_the_command_that_exists(
+        kind: str, prefix: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A usage begins with words that can be typed there."""
+    monkeypatch.delenv('PYTHONPATH', raising=False)
+    usage = run([*command(prefix, 'recover'), '--help'], cwd=tmp_path).split(' [-h]')[0]
+    if 'pip' not in kind:
+        assert usage == 'usage: ros2 run gear_rattle_ros recover'
+        return
+    assert usage == 'usage: gear_rattle recover'
+    monkeypatch.setenv('PATH', f'{prefix}/bin', prepend=os.pathsep)
+    assert run(['gear_rattle', 'recover', '--help']).startswith('usage: gear_rattle recover [-h]')
+    # In messages, with the path where it has to be typed.
+    monkeypatch.chdir(prefix)
+    code = 'from gear_rattle_ros.places import typed; print(*typed("draw"))'
+    assert run(['bin/python', '-c', code]) == 'gear_rattle draw\n'
+    monkeypatch.setenv('PATH', '/usr/bin')
+    assert run(['bin/python', '-c', code]) == 'bin/gear_rattle draw\n'
+    listed = run(['bin/gear_rattle', '--help'])
+    assert all(f'\n  {name} ' in listed for name in EXECUTABLES)
+
+
 def test_tools_ask_for_their_bag(
         prefix: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the bag it needs, an executable ends with one line and status 2."""

@@ -5,12 +5,14 @@ import difflib
 import json
 import os
 from pathlib import Path
+import shlex
 from typing import Any, Final
 
 from rclpy.utilities import remove_ros_args
 
 from ...core.words import in_columns, shown
 from ...parameters import TABLES
+from ...places import typed
 from ...plain_yaml import read_yaml
 
 # rcl needs time with the square of the size of a file: minutes for a megabyte [byte].
@@ -46,7 +48,7 @@ def overrides(values: Mapping[str, object]) -> list[str]:
 def help_on(name: str) -> str:
     """Return how a node is started, and the table of its parameters."""
     return '\n'.join([
-        f'usage: ros2 run gear_rattle_ros {name} [--ros-args [-p NAME:=VALUE] ...]', '',
+        f'usage: {shlex.join(typed(name))} [--ros-args [-p NAME:=VALUE] ...]', '',
         in_columns(['parameter', ' default', 'range', 'live', 'meaning'],
                    [specification.cells() for specification in TABLES[name]]), '',
         'A live parameter can be changed while the node runs. --version prints the version.'])

@@ -2,6 +2,8 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+import itertools
+import shlex
 import time
 from typing import Any, Final, TypeAlias
 
@@ -12,17 +14,19 @@ from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from .errors import UserError
+from ...places import typed
 from ...scenes import Step
 
 GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
 SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
                    PAUSE: SetBool}
+_NUMBERS: Final = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER)
 # How long a simulator may take to be found and to answer, even on a busy machine [s].
 WITHIN: Final = 8.0
 # A service may not know yet where to send its answer when it is discovered: ask again after [s].
@@ -60,16 +64,17 @@ class SimulatorClient:
         return bool(self._requests)
 
     def get(self, names: Iterable[str], take: Callable[[dict[str, float]], object]) -> None:
-        """Ask for parameters that are real numbers."""
+        """Ask for parameters that are numbers."""
         names = list(names)
 
         def taken(answer: GetParameters.Response) -> None:
-            values = dict(zip(names, answer.values, strict=True))
+            values = dict(itertools.zip_longest(names, answer.values))
             for name, value in values.items():
-                if value.type != ParameterType.PARAMETER_DOUBLE:
+                # There are no values at all where a parameter is not known.
+                if value is None or value.type not in _NUMBERS:
                     raise ClientError(f'{self.name} is not a gear rattling simulator: it has no '
                                       f'parameter {name}')
-            take({name: value.double_value for name, value in values.items()})
+            take({name: parameter_value_to_python(value) for name, value in values.items()})
 
         self._ask(GET, GetParameters.Request(names=names), taken)
 
@@ -134,8 +139,8 @@ class SimulatorClient:
         count, passed = self.count, time.monotonic() - self._since
         if passed > WITHIN:
             raise ClientError(
-                f'no simulator answers as {self.name}; start one with: ros2 run gear_rattle_ros '
-                'simulator' if not count else
+                f'no simulator answers as {self.name}; start one with: '
+                + shlex.join(typed('simulator')) if not count else
                 f'{self.name} has not answered for {WITHIN:g} s' if count == 1 else
                 f'{count} simulators answer as {self.name}; end all but one, or rename one with '
                 '-r __node:=NAME')

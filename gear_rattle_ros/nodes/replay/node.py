@@ -22,6 +22,7 @@ from ...bags import Bag, BagError, Topic
 from ...core.words import counted
 from ...messages import stamp_from_nanoseconds
 from ...parameters import REPLAY
+from ...places import program
 from ...qos import check_overrides, CLOCK, OVERRIDING, profile
 
 # What recorded nodes reported on themselves is not true of those that run now.
@@ -147,7 +148,7 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     """Return the ROS arguments, with the plain ones turned into ROS parameters."""
     plain, ros = split_arguments(arguments)
     texts = {table.name: table.description for table in REPLAY}
-    parser = argparse.ArgumentParser(prog='replay', description='Publish a bag again.')
+    parser = argparse.ArgumentParser(prog=program('replay'), description='Publish a bag again.')
     parser.add_argument('bag', nargs='?', help=texts['bag'])
     for name, unit in (('speed', 'FACTOR'), ('start', 'SECONDS'), ('end', 'SECONDS')):
         parser.add_argument(f'--{name}', type=float, metavar=unit, help=texts[name])

@@ -28,6 +28,7 @@ from ..base.errors import UserError
 from ..base.process import apart, ended_in_time, exit_status, Stop
 from ..base.services import listen
 from ...parameters import SIMULATOR
+from ...places import program, typed
 from ...qos import LATCHED, STREAM
 from ...scenes import find_scene, INITIAL, load_scenes, NAMES, Performance, Step
 
@@ -36,6 +37,9 @@ READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
 STORY = (0.57, 1.244)
 # Compiling for the first time may take this long on a slow machine [s].
 START_WITHIN = 180.0
+# A start that takes longer than this is explained [s].
+EXPLAINED_AFTER = 3.0
+EXPLANATION = 'the first start compiles the kernels for up to a minute'
 REFRESH = 0.25
 SUMMARY_WITHIN = 60.0
 # How long the others may take to end, on a busy machine too [s].
@@ -131,7 +135,7 @@ class Suite:
         print(self._processes.last_words('recorder').split(']: ')[-1])
         rerun = _command('rerun')
         for what, command, name in (
-                ('bag', rerun, 'bag/bag_0.mcap'), ('replay', _command('replay'), 'bag'),
+                ('bag', rerun, 'bag/bag_0.mcap'), ('replay', shlex.join(typed('replay')), 'bag'),
                 ('viewer', rerun, 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
             if (self._folder / name).exists():
                 print(f'{what:8} {command} {_quoted(self._folder / name)}')
@@ -164,7 +168,7 @@ class Suite:
                 # A large bag takes longer: it can be summarised later.
                 self._summary.kill()
                 self._summary.wait()
-                print(f'summary  {_command("summary")} {_quoted(self._folder / "bag")}')
+                print(f'summary  {shlex.join(typed("summary"))} {_quoted(self._folder / "bag")}')
 
     def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
@@ -185,6 +189,11 @@ class Suite:
                     console.print(f'viewer   {page}', soft_wrap=True, highlight=False)
                 if not first:
                     status.phase = f'starting, {now - began:.0f} s'
+                    if now - began > EXPLAINED_AFTER:
+                        status.phase += f'; {EXPLANATION}'
+                        if live is None and not shown:
+                            shown = now
+                            print(f'starting; {EXPLANATION}', flush=True)
                     if status.impacts:
                         first = now
                         # The simulator was started with the parameters of the first step.
@@ -260,7 +269,7 @@ def _make_folder(output: str | None) -> Path:
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog='suite', description=__doc__)
+    parser = argparse.ArgumentParser(prog=program('suite'), description=__doc__)
     add = parser.add_argument
     add('--alpha', type=float, help='amplitude of the drive [1]; by default two situations of the '
         f'paper, {STORY[0]} and, from half-way, {STORY[1]}')

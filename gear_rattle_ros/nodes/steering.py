@@ -1,0 +1,94 @@
+"""The commands that steer a running simulator: set, get, reset, pause and resume."""
+
+import argparse
+from collections.abc import Sequence
+import itertools
+import re
+import sys
+from typing import NoReturn
+
+from rclpy.exceptions import NameValidationException
+
+from .base.arguments import split_arguments
+from .base.client import Visitor
+from .base.errors import UserError
+from .base.process import ended_in_time
+from ..core.words import shown
+from ..parameters import SIMULATOR
+from ..places import program
+
+# The numbers that a simulator has; all that can be set is one.
+_NUMBERS = {each.name: each for each in SIMULATOR if type(each.default) in (float, int)}
+_LIVE = [name for name, each in _NUMBERS.items() if not each.read_only]
+
+
+class _Parser(argparse.ArgumentParser):
+
+    def error(self, message: str) -> NoReturn:
+        raise ValueError(message)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Steer as the first argument says; the exit status is 2 after one line on what is wrong."""
+    name, *words = sys.argv[1:] if arguments is None else arguments
+    parser = _Parser(program(name))
+    # -1e-3 is a number, too.
+    parser._negative_number_matcher = re.compile(r'^-[\d.]')
+    parser.add_argument('--simulator', default='simulator', metavar='NODE',
+                        help='its name, with its namespace; simulator by default')
+    if name in ('set', 'get'):
+        known, form = (_LIVE, 'NAME VALUE') if name == 'set' else (list(_NUMBERS), 'NAME')
+        parser.add_argument('words', nargs='+' if name == 'set' else '*', metavar=form,
+                            help=f'such as alpha; known are {", ".join(known)}')
+    try:
+        # What is for ROS, such as -r __ns:=/lab, rclpy takes from the command line itself.
+        given = parser.parse_args(split_arguments(words)[0])
+        words = getattr(given, 'words', [])
+        values = _values(words) if name == 'set' else {}
+        for word in values or words:
+            if word not in known:
+                raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
+        _steer(name, given.simulator, values, list(values or words or _LIVE))
+    except (UserError, ValueError) as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _values(words: Sequence[str]) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for name, text in itertools.zip_longest(words[::2], words[1::2]):
+        try:
+            values[name] = float(text)
+        except (TypeError, ValueError):
+            raise ValueError(f'{name} needs a number, not {shown(text or "nothing")}') from None
+        if name in _NUMBERS:
+            if isinstance(_NUMBERS[name].default, int) and values[name].is_integer():
+                values[name] = int(text)
+            _NUMBERS[name].check(values[name])
+    return values
+
+
+def _steer(name: str, simulator: str, values: dict[str, float], names: Sequence[str]) -> None:
+    said: list[str] = []
+    try:
+        visitor = Visitor('steering', simulator)
+    except (NameValidationException, RuntimeError) as error:
+        raise UserError(' '.join(str(error).split())) from error
+    try:
+        if values:
+            visitor.put(values)
+        if name in ('set', 'get'):
+            visitor.get(names, lambda found: said.extend(
+                f'{each} = {value!r}' for each, value in found.items()))
+        elif name == 'reset':
+            visitor.reset(said.append)
+        else:
+            visitor.pause(name == 'pause', said.append)
+        visitor.wait()
+        print('\n'.join(said), flush=True)
+    finally:
+        with ended_in_time():
+            visitor.close()

@@ -1,0 +1,32 @@
+"""The node of the ROS interface page: it prints events, and ends quietly."""
+
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+
+PAGE = Path(__file__).parents[2] / 'doc' / 'ros.md'
+
+
+def test_it_runs_and_ends_quietly(start, tmp_path: Path) -> None:
+    """As it stands on the page, beside a simulator; Ctrl-C leaves no traceback."""
+    start('simulator').wait_for('ready')
+    program, = re.findall(r'```python\n((?:(?!```).)*?rclpy\.spin.*?)```', PAGE.read_text(),
+                          re.DOTALL)
+    (tmp_path / 'mine.py').write_text(program)
+    with (tmp_path / 'said').open('w') as said:
+        process = subprocess.Popen([sys.executable, '-u', str(tmp_path / 'mine.py')], stdout=said,
+                                   stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60.0
+        while not (tmp_path / 'said').read_text():
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert errors == ''
+    assert process.returncode == 0

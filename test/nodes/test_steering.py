@@ -1,0 +1,71 @@
+"""The commands that steer a simulator: set, get, reset, pause and resume."""
+
+import subprocess
+import sys
+
+import pytest
+from rcl_interfaces.srv import GetParameters
+
+from gear_rattle_ros.nodes.base import client
+from gear_rattle_ros.nodes.steering import main
+
+TOTAL = ('alpha', 'beta', 'gamma', 'restitution', 'noise', 'rate', 'alpha_target', 'alpha_rate',
+         'initial_phase', 'initial_displacement', 'initial_velocity', 'seed')
+
+
+def steer(*words: str) -> tuple[int, str, str]:
+    """Run a command in a process of its own; return its status, and what it printed."""
+    done = subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', *words], text=True,
+                          capture_output=True, timeout=60)
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_running_simulator_is_steered(start, rclpy_node, spin) -> None:
+    """Every command does what it says, in one line, as another client sees it."""
+    simulator = start('simulator')
+    simulator.wait_for('ready')
+    asking = rclpy_node.create_client(GetParameters, '/simulator/get_parameters')
+    spin(asking.service_is_ready)
+    assert steer('set', 'alpha', '1.244') == (0, 'alpha = 1.244\n', '')
+    assert steer('set', 'gamma', '-1e-3', 'seed', '7') == (0, 'gamma = -0.001\nseed = 7\n', '')
+    future = asking.call_async(GetParameters.Request(names=['alpha', 'gamma', 'seed']))
+    spin(future.done)
+    assert [value.double_value or value.integer_value for value in future.result().values] == [
+        1.244, -1e-3, 7]
+    assert steer('get', 'beta') == (0, 'beta = 0.1\n', '')
+    status, said, _ = steer('get')
+    assert (status, tuple(line.split(' = ')[0] for line in said.splitlines())) == (0, TOTAL)
+    for word, answer in (('pause', 'paused\n'), ('resume', 'running\n')):
+        assert steer(word) == (0, answer, '')
+    status, said, errors = steer('reset')
+    assert (status, len(said.splitlines()), errors) == (0, 1, '')
+    assert 'reset' in simulator.text()
+
+
+@pytest.mark.parametrize(('words', 'line'), [
+    ('set alhpa 1', "set: 'alhpa' is not one of alpha, beta"),
+    ('set alpha', "set: alpha needs a number, not 'nothing'"),
+    ('set alpha x', "set: alpha needs a number, not 'x'"),
+    ('set seed 1.5', 'set: seed = 1.5 is not of type integer'),
+    ('set alpha nan', 'set: alpha = nan is not a number'),
+    ('set alpha -1', 'set: alpha = -1.0 is outside [0, 1000]'),
+    ('set', 'set: the following arguments are required'),
+    ('get alpha frobs', "get: 'frobs' is not one of alpha, "),
+    ('pause now', 'pause: unrecognized arguments: now'),
+    ('get alpha --simulator a//b', 'get: Invalid service name'),
+])
+def test_what_cannot_be_done_is_one_line(
+        domain: int, words: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before a simulator is asked, with the value and the remedy, and status 2."""
+    assert main(words.split()) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ('', 1)
+    assert said.err.startswith(line)
+
+
+def test_without_a_simulator_it_gives_up(
+        domain: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, 'WITHIN', 0.5)
+    assert main(['set', 'alpha', '1', '--simulator', '/lab/simulator']) == 2
+    assert capsys.readouterr().err.startswith(
+        'set: no simulator answers as /lab/simulator; start one with: ')
