@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable, Iterable, Mapping
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,6 +17,16 @@ from .services import harden
 from ...core.words import shown
 from ...messages import diagnostic_array
 from ...parameters import declare, TABLES
+
+
+# The system clock when the process began, by the clock that nobody sets [s].
+_BEGAN = time.time() - time.monotonic()
+
+
+def set_back() -> float:
+    """Return by how much the system clock was set back since the start [s], 0 below 1 s."""
+    back = _BEGAN - time.time() + time.monotonic()
+    return back if back >= 1.0 else 0.0
 
 
 class BaseNode(Node):
@@ -73,6 +84,9 @@ class ReportingNode(BaseNode, abc.ABC):
 
     def _publish_diagnostics(self) -> None:
         level, message, values = self.report()
+        if back := set_back():
+            level = 'warn' if level == 'ok' else level
+            message += f'; the system clock was set back by {back:,.0f} s: DDS may stand still'
         self._diagnostics.publish(diagnostic_array(
             f'{self.get_name()}: {self.get_name()}', self.get_fully_qualified_name(), level,
             message, values, self.get_clock().now().to_msg()))
