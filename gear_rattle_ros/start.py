@@ -78,6 +78,9 @@ def start(name: str) -> NoReturn:
             print(name, version(str(__package__)))
             status = 0
         else:
+            if EXECUTABLES[name].startswith('nodes.'):
+                from .nodes.base.dds_room import require_pages
+                require_pages()
             module = importlib.import_module(f'.{EXECUTABLES[name]}', __package__)
             if _signals:
                 # Libraries may swallow any exception while they are imported.

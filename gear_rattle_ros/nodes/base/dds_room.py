@@ -25,6 +25,8 @@ SEGMENT = 32 << 20
 SPARE = 16 << 20
 # What all nodes of a suite but the simulator take together, and some more [bytes].
 LEAST = 8 << 20
+# LTTng writes a page for all users and one for this one.
+PAGES = 2 * 4096
 # A segment that is younger may not be locked yet by the process that makes it [s].
 OLD = 10.0
 
@@ -49,9 +51,16 @@ def bound_backlog() -> str:
     return ''
 
 
+def require_pages() -> None:
+    """Raise OSError where tracing, which rclpy imports, would die of SIGBUS without a word."""
+    if os.access(MEMORY, os.W_OK) and _free() < PAGES:
+        remove_abandoned()
+        if _free() < PAGES:
+            raise OSError(f'{MEMORY} is full; remove what nobody needs there')
+
+
 def avoid_full_memory() -> str:
-    """Send messages over UDP where shared memory is full, before ROS begins; return why."""
-    # DDS dies of SIGBUS where it writes to a page that it cannot have.
+    """Send messages over UDP where shared memory is short, before ROS begins; return why."""
     if not _is_fast_dds() or TRANSPORTS in os.environ or _free() >= LEAST:
         return ''
     os.environ[TRANSPORTS] = 'UDPv4'
