@@ -18,7 +18,6 @@ from ...core.words import shown
 from ...messages import diagnostic_array
 from ...parameters import declare, TABLES
 
-
 # The system clock when the process began, by the clock that nobody sets [s].
 _BEGAN = time.time() - time.monotonic()
 

@@ -93,11 +93,14 @@ def woken(executor: Executor) -> Iterator[None]:
     writer.setblocking(False)
 
     def wake() -> None:
+        is_asked = False
         while True:
-            is_signal, _, _ = select.select([reader], [], [], 1.0)
+            is_signal, _, _ = select.select([reader], [], [], STOP_SEEN_WITHIN if is_asked else 1.0)
             if is_signal and not reader.recv(64):
                 return
-            if is_signal or set_back():
+            # An executor that is woken before its time is over waits again.
+            is_asked |= bool(is_signal)
+            if is_asked or set_back():
                 executor.wake()
 
     thread = threading.Thread(target=wake, name='waking', daemon=True)

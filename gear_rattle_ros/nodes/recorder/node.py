@@ -104,7 +104,6 @@ class _Source:
                 self.lost += missing
         self._take(self, data, info)
 
-
     def _missing(self, number: int) -> int:
         """Return how many messages are missing before one, of the publisher it must be of."""
         before = max((last for last in self._last if last < number), default=None)
