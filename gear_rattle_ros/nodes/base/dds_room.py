@@ -38,8 +38,8 @@ def make_room() -> str:
     free = _free()
     if free < SEGMENT + SPARE:
         return (f'{MEMORY} has {free >> 20} MB free and the stream needs {SEGMENT >> 20} MB: it '
-                'will be slower with several readers; give a container more with --shm-size, and '
-                'remove what killed processes have left with `fastdds shm clean`')
+                'will be slower with several readers; give a container more with --shm-size; '
+                'the next suite removes what killed processes have left')
     _use('stream.xml')
     return ''
 
