@@ -57,8 +57,8 @@ def test_every_process_ends(domain: int, tmp_path: Path) -> None:
             suite = subprocess.Popen(
                 [sys.executable, '-m', 'gear_rattle_ros.start', 'suite', '--viewer', 'none',
                  '--duration', '0', '--output', str(folder)],
-                env={**os.environ, 'RUN': str(folder), 'PYTHONPATH': path}, stdin=subprocess.DEVNULL, stdout=log,
-                stderr=log, start_new_session=True)
+                env={**os.environ, 'RUN': str(folder), 'PYTHONPATH': path},
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
             try:
                 time.sleep(moment)
                 for number in of_run(folder) if how == 'all' else [suite.pid]:

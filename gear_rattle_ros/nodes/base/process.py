@@ -95,7 +95,8 @@ def woken(executor: Executor) -> Iterator[None]:
     def wake() -> None:
         is_asked = False
         while True:
-            is_signal, _, _ = select.select([reader], [], [], STOP_SEEN_WITHIN if is_asked else 1.0)
+            pause = STOP_SEEN_WITHIN if is_asked else 1.0
+            is_signal, _, _ = select.select([reader], [], [], pause)
             if is_signal and not reader.recv(64):
                 return
             # An executor that is woken before its time is over waits again.
