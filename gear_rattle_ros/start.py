@@ -9,6 +9,7 @@ from collections.abc import Callable
 import contextlib
 import functools
 import importlib
+import io
 import os
 import signal
 import sys
@@ -73,11 +74,38 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def _prepare() -> None:
+    """Let libraries find what they take for granted: UTF-8, open streams, a home, no window."""
+    if sys.getfilesystemencoding() != 'utf-8':
+        # A locale's encoding is that of every file, and is replaced only where Python begins.
+        os.environ['PYTHONUTF8'] = '1'
+        os.execv(sys.executable, [sys.executable, '-X', 'utf8', *sys.orig_argv[1:]])
+    for name in ('stdout', 'stderr'):
+        if getattr(sys, name) is None:
+            # It was closed, and a bag would take its place.
+            setattr(sys, name, open(os.devnull, 'w'))
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors='replace')
+    # A notebook's would want the notebook's packages.
+    os.environ['MPLBACKEND'] = 'agg'
+    home = os.path.expanduser('~')
+    if not os.access(home, os.W_OK | os.X_OK):
+        from .core.private import private_folder
+        folder = str(private_folder())
+        for variable in ('ROS_HOME', 'XDG_CACHE_HOME', 'XDG_CONFIG_HOME'):
+            os.environ.setdefault(variable, folder)
+        home = home if os.path.isdir(home) else folder
+    # ROS asks no further than this variable.
+    os.environ['HOME'] = home
+
+
 def start(name: str) -> NoReturn:
     """Run an executable with the arguments of this process, and exit with its status."""
     try:
         signal.signal(signal.SIGINT, _interrupt)
         signal.signal(signal.SIGTERM, _interrupt)
+        _prepare()
         for variable, value in ENVIRONMENT.get(name, {}).items():
             os.environ.setdefault(variable, value)
         if sys.argv[1:2] == ['--version']:
@@ -85,6 +113,9 @@ def start(name: str) -> NoReturn:
         else:
             place, *words = EXECUTABLES[name].split()
             sys.argv[1:1] = words
+            if place.startswith('nodes.'):
+                from .nodes.base.dds_room import require_pages
+                require_pages()
             module = importlib.import_module(f'.{place}', __package__)
             if _signals:
                 # Libraries may swallow any exception while they are imported.
@@ -101,6 +132,10 @@ def start(name: str) -> NoReturn:
             raise
         print(f'{name}: the Python package {missing} is not installed; see doc/install.md',
               file=sys.stderr)
+        status = 2
+    except OSError as error:
+        # Of the environment: no folder for temporary files, no room, too many open files.
+        print(f'{name}: {error}', file=sys.stderr)
         status = 2
     _end(status)
 

@@ -6,30 +6,38 @@ import hashlib
 import os
 from pathlib import Path
 import tempfile
-from typing import Any, cast, TypeVar
+from typing import Any, cast, Final, TypeVar
 
 import numba
 
+from .private import private_folder
+
+# All kernels take about 70 MB [bytes].
+ROOM: Final = 100 << 20
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 @functools.cache
-def cache_directory() -> Path:
-    """Return the folder of compiled kernels, a temporary one where none can be written."""
+def cache_directory() -> Path | None:
+    """Return the folder of compiled kernels: of the user, else a temporary one, else none."""
     # numba notices a change of the file a kernel stands in, but not of the kernels that it calls
     # from other files: so the contents of the whole of ``core`` name the folder.
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.rglob('*.py')):
         digest.update(source.read_bytes())
     base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
-    folder = (Path(base) if base else Path.home() / '.cache') / 'gear_rattle_ros'
-    folder = folder / digest.hexdigest()[:16]
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError:
-        return Path(tempfile.mkdtemp(prefix='gear_rattle_ros-'))
+    for place in (lambda: Path(base) if base else Path.home() / '.cache', private_folder):
+        try:
+            folder = place() / 'gear_rattle_ros' / digest.hexdigest()[:16]
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder) as file:
+                memory = os.fstatvfs(file.fileno())
+                if memory.f_bavail * memory.f_frsize >= ROOM:
+                    return folder
+        except (OSError, RuntimeError):
+            # Not to be written, or no home.
+            continue
+    return None
 
 
 def kernel(function: Function) -> Function:
@@ -39,9 +47,10 @@ def kernel(function: Function) -> Function:
     # The folder is looked up when the function is decorated; other packages keep their own.
     config: Any = numba.config
     others = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_directory())
+    folder = cache_directory()
+    config.CACHE_DIR = str(folder or '')
     try:
-        compiled = numba.njit(cache=True, nogil=True, error_model='numpy')(function)
+        compiled = numba.njit(cache=folder is not None, nogil=True, error_model='numpy')(function)
     finally:
         config.CACHE_DIR = others
     return cast(Function, compiled)

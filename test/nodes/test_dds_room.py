@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 import contextlib
+import fcntl
 import os
 from pathlib import Path
 import re
@@ -22,6 +23,7 @@ from gear_rattle_ros.nodes.base.dds_room import (
     make_room,
     MEMORY,
     PROFILES,
+    remove_abandoned,
     SEGMENT,
     SPARE,
     TRANSPORTS,
@@ -156,6 +158,23 @@ def test_the_simulator_has_it(start: Callable) -> None:
     simulator.wait_for('ready', 120.0)
     assert max(segments(simulator.process.pid)) >= SEGMENT
     assert simulator.stop(signal.SIGINT) == 0
+
+
+def test_segments_of_killed_processes_are_removed(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a process holds stays, and what is so young that it may not be held yet."""
+    monkeypatch.setattr(dds_room, 'MEMORY', tmp_path)
+    names = [f'fastrtps_{16 * letter}' for letter in 'abc']
+    for name in names:
+        for suffix in ('', '_el'):
+            (tmp_path / (name + suffix)).touch()
+    for name in names[:2]:
+        os.utime(tmp_path / f'{name}_el', (0.0, 0.0))
+    with open(tmp_path / f'{names[1]}_el') as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        remove_abandoned()
+    assert {path.name for path in tmp_path.iterdir()} == {
+        name + suffix for name in names[1:] for suffix in ('', '_el')}
 
 
 def mapped() -> set[Path]:

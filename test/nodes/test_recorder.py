@@ -182,6 +182,22 @@ def test_gaps_and_late_publishers_are_reported(
     assert sum(widths[1:]) == len(events) - 121
 
 
+def test_two_publishers_of_a_topic_are_counted_apart(record, rclpy_node, spin) -> None:
+    """Both number their messages; none is lost, whenever the second one begins."""
+    first = rclpy_node.create_publisher(JointState, 'joint_states', STREAM)
+    process = record()
+    matched(spin, first)
+    for number in range(50):
+        first.publish(named_values({}, Time(sec=number)))
+    second = rclpy_node.create_publisher(JointState, 'joint_states', STREAM)
+    matched(spin, second)
+    for number in range(200):
+        (first if number % 3 else second).publish(named_values({}, Time(sec=number)))
+    assert first.wait_for_all_acked(ENOUGH) and second.wait_for_all_acked(ENOUGH)
+    assert process.stop() == 0
+    assert ' lost on the way' not in closing_line(process)
+
+
 @pytest.mark.long
 def test_what_was_lost_is_reported_and_what_was_superseded_is_not_lost(
         record, rclpy_node, spin, tmp_path: Path) -> None:

@@ -7,8 +7,11 @@ on two cores come to a standstill. A reader that keeps everything has room for 5
 never returns the memory of those that once had to wait.
 """
 
+import contextlib
+import fcntl
 import os
 from pathlib import Path
+import time
 
 from ...places import config_folder
 
@@ -20,22 +23,23 @@ MEMORY = Path('/dev/shm')
 # The segment of config/fastdds/stream.xml, and what must be left for others [bytes].
 SEGMENT = 32 << 20
 SPARE = 16 << 20
+# What all nodes of a suite but the simulator take together, and some more [bytes].
+LEAST = 8 << 20
+# LTTng writes a page for all users and one for this one.
+PAGES = 2 * 4096
+# A segment that is younger may not be locked yet by the process that makes it [s].
+OLD = 10.0
 
 
 def make_room() -> str:
     """Ask for a segment that holds a stream, before the node is made; return why there is none."""
     if not _is_ours() or TRANSPORTS in os.environ:
         return ''
-    try:
-        memory = os.statvfs(MEMORY)
-    except OSError as error:
-        return f'no shared memory for the stream: {MEMORY}: {error.strerror}'
-    free = memory.f_bavail * memory.f_frsize
-    # DDS writes to every page at once, and dies where it cannot have one.
+    free = _free()
     if free < SEGMENT + SPARE:
         return (f'{MEMORY} has {free >> 20} MB free and the stream needs {SEGMENT >> 20} MB: it '
-                'will be slower with several readers; give a container more with --shm-size, and '
-                'remove what killed processes have left with `fastdds shm clean`')
+                'will be slower with several readers; give a container more with --shm-size; '
+                'the next suite removes what killed processes have left')
     _use('stream.xml')
     return ''
 
@@ -47,9 +51,50 @@ def bound_backlog() -> str:
     return ''
 
 
+def require_pages() -> None:
+    """Raise OSError where tracing, which rclpy imports, would die of SIGBUS without a word."""
+    if os.access(MEMORY, os.W_OK) and _free() < PAGES:
+        remove_abandoned()
+        if _free() < PAGES:
+            raise OSError(f'{MEMORY} is full; remove what nobody needs there')
+
+
+def avoid_full_memory() -> str:
+    """Send messages over UDP where shared memory is short, before ROS begins; return why."""
+    if not _is_fast_dds() or TRANSPORTS in os.environ or _free() >= LEAST:
+        return ''
+    os.environ[TRANSPORTS] = 'UDPv4'
+    return (f'{MEMORY} has {_free() >> 10} KB free: messages go over UDP, which is slower; give a '
+            'container more with --shm-size')
+
+
+def remove_abandoned() -> None:
+    """Remove the segments that killed processes of this user have left."""
+    for lock in MEMORY.glob(f'fastrtps_{16 * "[0-9a-f]"}_el'):
+        with contextlib.suppress(OSError), open(lock, 'rb') as stream:
+            about = os.fstat(stream.fileno())
+            if about.st_uid == os.getuid() and about.st_mtime < time.time() - OLD:
+                # Refused while the process lives.
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
+                lock.unlink()
+
+
+def _free() -> int:
+    """Return the shared memory that is free [bytes], 0 where there is none to be written."""
+    try:
+        memory = os.statvfs(MEMORY)
+    except OSError:
+        return 0
+    return memory.f_bavail * memory.f_frsize if os.access(MEMORY, os.W_OK) else 0
+
+
+def _is_fast_dds() -> bool:
+    return os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps')
+
+
 def _is_ours() -> bool:
-    is_fast_dds = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps')
-    return is_fast_dds and not any(name in os.environ for name in PROFILES)
+    return _is_fast_dds() and not any(name in os.environ for name in PROFILES)
 
 
 def _use(profile: str) -> None:

@@ -3,6 +3,7 @@
 import abc
 from collections.abc import Callable, Iterable, Mapping
 import copy
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,6 +21,15 @@ from ...core.words import shown
 from ...messages import diagnostic_array, SECTION_FRAME
 from ...parameters import declare, given_to, TABLES, Value
 from ...qos import check_overrides, OVERRIDABLE, OVERRIDING
+
+# The system clock when the process began, by the clock that nobody sets [s].
+_BEGAN = time.time() - time.monotonic()
+
+
+def set_back() -> float:
+    """Return by how much the system clock was set back since the start [s], 0 below 1 s."""
+    back = _BEGAN - time.time() + time.monotonic()
+    return back if back >= 1.0 else 0.0
 
 
 class BaseNode(Node):
@@ -108,6 +118,9 @@ class ReportingNode(BaseNode, abc.ABC):
 
     def _publish_diagnostics(self) -> None:
         level, message, values = self.report()
+        if back := set_back():
+            level = 'warn' if level == 'ok' else level
+            message += f'; the system clock was set back by {back:,.0f} s: DDS may stand still'
         self._diagnostics.publish(diagnostic_array(
             f'{self.get_name()}: {self.get_name()}', self.get_fully_qualified_name(), level,
             message, values, self.get_clock().now().to_msg()))

@@ -7,22 +7,26 @@ import faulthandler
 import functools
 import gc
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from types import FrameType
 from typing import Any, TypeVar
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger_level, get_logging_severity_from_string, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from . import arguments as given
+from .dds_room import avoid_full_memory
 from .errors import UserError
-from .node import ReportingNode
+from .node import ReportingNode, set_back
 
 # A node is taken down within this time [s].
 ENDED_WITHIN = 4.0
@@ -62,13 +66,54 @@ def ended_in_time() -> Iterator[None]:
     """End the process with status 1 where DDS hangs when it is taken down; files are closed."""
     # Fast DDS of the wheels may spin for ever there, holding the GIL, where others end at the same
     # moment: only a thread of C can end that.
-    sys.stdout.flush()
+    say()
     with open(os.devnull, 'w') as nowhere:
         faulthandler.dump_traceback_later(ENDED_WITHIN, exit=True, file=nowhere)
         try:
             yield
         finally:
             faulthandler.cancel_dump_traceback_later()
+
+
+def say(*words: str) -> None:
+    """Print a line, or only what is held back; who reads it may be gone, and changes nothing."""
+    try:
+        if words:
+            print(*words)
+        sys.stdout.flush()
+    except OSError:
+        sys.stdout = open(os.devnull, 'w')
+
+
+@contextlib.contextmanager
+def woken(executor: Executor) -> Iterator[None]:
+    """Wake an executor at every signal, and where the system clock was set back."""
+    # Fast DDS of the wheels waits by the system clock, and Python handles signals between waits.
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+
+    def wake() -> None:
+        is_asked = False
+        while True:
+            pause = STOP_SEEN_WITHIN if is_asked else 1.0
+            is_signal, _, _ = select.select([reader], [], [], pause)
+            if is_signal and not reader.recv(64):
+                return
+            # An executor that is woken before its time is over waits again.
+            is_asked |= bool(is_signal)
+            if is_asked or set_back():
+                executor.wake()
+
+    thread = threading.Thread(target=wake, name='waking', daemon=True)
+    thread.start()
+    before = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        writer.close()
+        thread.join()
+        reader.close()
 
 
 def begin(ros: list[str]) -> None:
@@ -98,8 +143,9 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
                 print(given.help_on(name))
                 return 0
             given.refuse_plain(name, plain)
+            lacking = avoid_full_memory()
             begin(ros)
-            for line in given.misspelt_sections(name, ros):
+            for line in (*[lacking][:bool(lacking)], *given.misspelt_sections(name, ros)):
                 print(f'{name}: {line}', file=sys.stderr, flush=True)
             made = make()
         except ValueError as error:
@@ -143,8 +189,9 @@ def _spin(node: ReportingNode, stop: Stop) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        while not (stop.asked or node.is_finished):
-            executor.spin_once(timeout_sec=STOP_SEEN_WITHIN)
+        with woken(executor):
+            while not (stop.asked or node.is_finished):
+                executor.spin_once(timeout_sec=STOP_SEEN_WITHIN)
     finally:
         node.close()
     return node.exit_status

@@ -21,7 +21,7 @@ from ..base.dds_room import bound_backlog
 from ..base.errors import UserError
 from ..base.event_input import arrived, StreamHealth
 from ..base.node import ReportingNode
-from ..base.process import run_node
+from ..base.process import run_node, say
 from ...bags import BagError, BagWriter, message_definition, Topic
 from ...core.words import counted
 from ...qos import profile, STREAM_INPUT
@@ -61,7 +61,8 @@ class _Source:
         except OSError as error:
             raise UserError(f'the definition of {self._type_name} is not found ({error}); '
                             'set AMENT_PREFIX_PATH') from None
-        self._last: int | None = None
+        # The last number of each publisher: which one has sent a message is not said.
+        self._last: list[int] = []
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
         # With several publishers, or where messages may be dropped, gaps mean nothing.
@@ -97,13 +98,23 @@ class _Source:
     def _count(self, data: bytes, info: Mapping[str, Any]) -> None:
         number = info.get('publication_sequence_number')
         if number is not None:
-            jump = 0 if self._last is None else number - self._last - 1
-            self._last = number
+            missing = self._missing(number)
             if self._is_latched:
-                self.superseded += max(jump, 0)
+                self.superseded += missing
             elif self._is_counted:
-                self.lost += max(jump, 0)
+                self.lost += missing
         self._take(self, data, info)
+
+    def _missing(self, number: int) -> int:
+        """Return how many messages are missing before one, of the publisher it must be of."""
+        before = max((last for last in self._last if last < number), default=None)
+        if before is None or (number - before > 1 and len(self._last) < max(
+                1, self._node.count_publishers(self.name))):
+            # Its first here.
+            self._last.append(number)
+            return 0
+        self._last[self._last.index(before)] = number
+        return number - before - 1
 
 
 class Recorder(ReportingNode):
@@ -153,10 +164,10 @@ class Recorder(ReportingNode):
             (superseded, f'{superseded} superseded'), (self._garbled, f'{self._garbled} garbled'),
             (recording.unreadable, f'{counted(recording.unreadable, "batch")} unreadable'))
             if count])
-        print(f'recorded {counted(recording.impacts, "impact")} in '
-              f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
-              f'({counted(recording.guard.gaps, "gap")}){odd}, '
-              f'{recording.size / 1e6:.1f} MB{each} in {self._directory}', flush=True)
+        say(f'recorded {counted(recording.impacts, "impact")} in '
+            f'{counted(recording.messages, "message")}, {recording.guard.lost} lost '
+            f'({counted(recording.guard.gaps, "gap")}){odd}, '
+            f'{recording.size / 1e6:.1f} MB{each} in {self._directory}')
 
     def _lost(self) -> list[str]:
         return [f'{counted(source.lost, "message")} of {source.name} lost on the way'

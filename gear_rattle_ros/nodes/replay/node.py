@@ -17,7 +17,7 @@ from ..base.dds_room import make_room
 from ..base.errors import UserError
 from ..base.node import ReportingNode
 from ..base.pacing import AcknowledgedPace
-from ..base.process import run_node
+from ..base.process import run_node, say
 from ...bags import Bag, BagError, Topic
 from ...core.words import counted
 from ...messages import stamp_from_nanoseconds
@@ -70,10 +70,10 @@ class Replay(ReportingNode):
             self.exit_status = 1
             print(f'replay: {playing.failure}', file=sys.stderr, flush=True)
         position, duration = self._times()
-        print(f'replayed {counted(playing.messages, "message")} on '
-              f'{counted(self._topics, "topic")}, '
-              f'{"complete" if playing.rounds else "stopped"} at {position:.3f} s of '
-              f'{duration:.3f} s, from {self._bag.path}', flush=True)
+        say(f'replayed {counted(playing.messages, "message")} on '
+            f'{counted(self._topics, "topic")}, '
+            f'{"complete" if playing.rounds else "stopped"} at {position:.3f} s of '
+            f'{duration:.3f} s, from {self._bag.path}')
 
     def _times(self) -> tuple[float, float]:
         start = self._bag.start

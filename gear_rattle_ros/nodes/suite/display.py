@@ -28,6 +28,8 @@ class Status:
     lost: dict[str, int] = dataclasses.field(default_factory=dict)
     gaps: dict[str, int] = dataclasses.field(default_factory=dict)
     bag_bytes: int = 0
+    # By how much the system clock was set back [s].
+    set_back: float = 0.0
     # The web page that shows the run, empty for none.
     page: str = ''
 
@@ -60,6 +62,8 @@ class Status:
             ('trajectory', self.trajectory or '-'),
             ('gaps', f'{sum(self.gaps.values())}, {counted(sum(self.lost.values()), "impact")} '
              f'lost: {where}' if any(self.gaps.values()) else 'none'),
+            *([('clock', f'set back by {self.set_back:,.0f} s: DDS may stand still; start again')]
+              if self.set_back else []),
             ('bag', f'{self.bag_bytes / 1e6:.1f} MB'),
         ]
 

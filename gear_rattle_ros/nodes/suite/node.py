@@ -24,8 +24,10 @@ from .display import render, Status
 from .processes import Processes
 from ..base.arguments import overrides
 from ..base.client import PUT, RESET, SimulatorClient
+from ..base.dds_room import remove_abandoned
 from ..base.errors import UserError
-from ..base.process import apart, ended_in_time, exit_status, Stop
+from ..base.node import set_back
+from ..base.process import apart, ended_in_time, exit_status, say, Stop, woken
 from ..base.services import listen
 from ...parameters import SIMULATOR
 from ...places import program, typed
@@ -121,24 +123,28 @@ class Suite:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(monitor)
         try:
+            remove_abandoned()
             self._start_nodes()
-            self._watch(monitor, stop)
+            with woken(self._executor):
+                self._watch(monitor, stop)
         finally:
             self._end_nodes()
             with ended_in_time():
                 self._executor.shutdown()
                 monitor.destroy_node()
         self._print_result()
+        if self._summary is not None and self._summary.returncode > 0:
+            raise UserError(f'the summary was not drawn (status {self._summary.returncode})')
         return 0
 
     def _print_result(self) -> None:
-        print(self._processes.last_words('recorder').split(']: ')[-1])
+        say(self._processes.last_words('recorder').split(']: ')[-1])
         rerun = _command('rerun')
         for what, command, name in (
                 ('bag', rerun, 'bag/bag_0.mcap'), ('replay', shlex.join(typed('replay')), 'bag'),
                 ('viewer', rerun, 'run.rrd'), ('summary', 'xdg-open', 'summary.png')):
             if (self._folder / name).exists():
-                print(f'{what:8} {command} {_quoted(self._folder / name)}')
+                say(f'{what:8} {command} {_quoted(self._folder / name)}')
 
     def _start_nodes(self) -> None:
         own: dict[str, dict[str, object]] = {
@@ -168,7 +174,7 @@ class Suite:
                 # A large bag takes longer: it can be summarised later.
                 self._summary.kill()
                 self._summary.wait()
-                print(f'summary  {shlex.join(typed("summary"))} {_quoted(self._folder / "bag")}')
+                say(f'summary  {shlex.join(typed("summary"))} {_quoted(self._folder / "bag")}')
 
     def _watch(self, monitor: Monitor, stop: Stop) -> None:
         options, status = self._options, self._status
@@ -201,7 +207,7 @@ class Suite:
                         self._prepare_summary()
                         status.phase = 'running'
                         if live is None:
-                            print(f'running after {first - began:.1f} s', flush=True)
+                            say(f'running after {first - began:.1f} s')
                     elif now - began > START_WITHIN:
                         raise UserError(f'no impact in {START_WITHIN:.0f} s; '
                                         f'see {self._folder / "log"}')
@@ -214,6 +220,7 @@ class Suite:
                     if performance.is_over(now, status.alpha) if options.plays_out else (
                             0.0 < options.duration <= status.seconds):
                         break
+                status.set_back = set_back()
                 status.bag_bytes = sum(
                     path.stat().st_size for path in (self._folder / 'bag').glob('*.mcap'))
                 if live is not None and now - shown > REFRESH:
@@ -221,7 +228,7 @@ class Suite:
                     live.update(render(status), refresh=True)
                 elif live is None and first and now - shown > PLAIN_EVERY:
                     shown = now
-                    print(status.line(), flush=True)
+                    say(status.line())
 
 
 def _steps(options: argparse.Namespace) -> Sequence[Step]:
