@@ -153,7 +153,7 @@ def test_a_view_can_be_sent_by_its_address(tab: Tab) -> None:
     sent = tab.page.url
     tab.page.goto('about:blank')
     tab.page.goto(sent)
-    tab.wait("window.Bokeh && Bokeh.documents.length > 0")
+    tab.wait('window.Bokeh && Bokeh.documents.length > 0')
     for plane, cells in (('picture', 100), ('picture_beside', 100)):
         tab.wait(f"""(() => {{
             const data = Bokeh.documents[0].get_model_by_name('{plane}').data;

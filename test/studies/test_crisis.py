@@ -137,8 +137,8 @@ def test_enough_escapes_stop_all_and_give_the_same_rate(captor):
     rates = []
     for wanted in (300, 2000):
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], initial, captor.points, np.array([captor.impacts]), RADIUS, 300, wanted,
-            10**7)
+            new_tiles(1)[0], initial, captor.points, np.array([captor.impacts]), RADIUS, 300,
+            wanted, 10**7)
         begun = fates != UNUSED
         assert begun.all() == (wanted == 2000) and np.all(lifetimes[~begun] == 0)
         rates.append(escape_rate(lifetimes[begun], fates[begun] != CAPTURED, 300))

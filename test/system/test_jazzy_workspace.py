@@ -10,10 +10,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = 'gear_rattle_ros'
 # numba 0.59 is the first release for Python 3.12; Ubuntu patched its 0.58.
-SYSTEM = ('numpy==1.26.4', 'numba==0.59.1', 'scipy==1.11.4', 'matplotlib==3.8.4', 'pillow',
-          'pyyaml', 'colcon-bash', 'colcon-core', 'colcon-library-path', 'colcon-package-selection',
-          'colcon-python-setup-py', 'colcon-ros', 'setuptools<80', 'ros-jazzy-rclpy',
-          'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp')
+SYSTEM = (
+    'numpy==1.26.4', 'numba==0.59.1', 'scipy==1.11.4', 'matplotlib==3.8.4', 'pillow', 'pyyaml',
+    'colcon-bash', 'colcon-core', 'colcon-library-path', 'colcon-package-selection',
+    'colcon-python-setup-py', 'colcon-ros', 'setuptools<80', 'ros-jazzy-rclpy',
+    'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp')
 # They are older there than what we pin.
 OLDER = ('numpy', 'numba', 'llvmlite', 'scipy', 'matplotlib', 'setuptools')
 # What a ROS installation and a launch file bring.
