@@ -19,6 +19,9 @@ def config_folder(name: str) -> Path:
 
 def typed(name: str) -> list[str]:
     """Return the words that start a program from here: of pip's one command, else of ROS."""
+    if Path(sys.argv[0]).parts[-3:-1] == ('lib', PACKAGE):
+        # Of a workspace, whatever else there is beside its Python.
+        return ['ros2', 'run', PACKAGE, name]
     beside, found = Path(sys.executable).with_name('gear_rattle'), shutil.which('gear_rattle')
     if beside.exists() and found != str(beside):
         with contextlib.suppress(ValueError):

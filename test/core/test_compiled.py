@@ -28,7 +28,8 @@ def test_an_edited_kernel_of_a_sub_folder_is_compiled_again(tmp_path):
     (house / 'room').mkdir(parents=True)
     for folder in (house, house / 'room'):
         (folder / '__init__.py').touch()
-    (house / 'compiled.py').write_text(Path(compiled.__file__).read_text())
+    for name in ('compiled.py', 'private.py'):
+        (house / name).write_text(Path(compiled.__file__).with_name(name).read_text())
     (house / 'caller.py').write_text(CALLER)
     for value in (2.0, 3.0, 2.0):
         (house / 'room' / 'called.py').write_text(CALLED.format(value=value))

@@ -1,5 +1,6 @@
 """The node of the ROS interface page: it prints events, and ends quietly."""
 
+import functools
 from pathlib import Path
 import re
 import signal
@@ -17,8 +18,11 @@ def test_it_runs_and_ends_quietly(start, tmp_path: Path) -> None:
                           re.DOTALL)
     (tmp_path / 'mine.py').write_text(program)
     with (tmp_path / 'said').open('w') as said:
-        process = subprocess.Popen([sys.executable, '-u', str(tmp_path / 'mine.py')], stdout=said,
-                                   stderr=subprocess.PIPE, text=True)
+        # Where the tests run in the background of a shell, it would ignore Ctrl-C as they do.
+        process = subprocess.Popen(
+            [sys.executable, '-u', str(tmp_path / 'mine.py')], stdout=said,
+            stderr=subprocess.PIPE, text=True,
+            preexec_fn=functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL))
     try:
         deadline = time.monotonic() + 60.0
         while not (tmp_path / 'said').read_text():
