@@ -73,7 +73,8 @@ def test_an_unknown_program_is_one_line() -> None:
 
 
 @pytest.mark.parametrize('words', [
-    '--help', 'verify --help', 'verify doc/bag doc/bag', 'attractors --initial-conditions 16'])
+    '--help', 'verify --help', 'verify doc/bag doc/bag',
+    pytest.param('attractors --initial-conditions 16', marks=pytest.mark.long)])
 def test_a_reader_that_has_read_enough_is_no_error(words: str, tmp_path: Path) -> None:
     """A pipe that is closed, or no stdout at all: not a word on stderr."""
     root = Path(__file__).parents[1]

@@ -27,20 +27,20 @@ TOTAL = ('alpha', 'beta', 'gamma', 'restitution', 'noise', 'rate', 'alpha_target
          'initial_phase', 'initial_displacement', 'initial_velocity', 'seed')
 
 
-def steer(*words: str) -> tuple[int, str, str]:
-    """Run a command in a process of its own; return its status, and what it printed."""
-    done = subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', *words], text=True,
-                          capture_output=True, timeout=60)
-    return done.returncode, done.stdout, done.stderr
-
-
-def test_a_running_simulator_is_steered(start, rclpy_node, spin) -> None:
+def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None:
     """Every command does what it says, in one line, as another client sees it."""
+    def steer(*words: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        return (main(list(words)), *capsys.readouterr())
+
     simulator = start('simulator')
     simulator.wait_for('ready')
     asking = rclpy_node.create_client(GetParameters, '/simulator/get_parameters')
     spin(asking.service_is_ready)
-    assert steer('set', 'alpha', '1.244') == (0, 'alpha = 1.244\n', '')
+    # As a process of its own.
+    done = subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', 'set', 'alpha', '1.244'],
+                          text=True, capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'alpha = 1.244\n', '')
     assert steer('set', 'gamma', '-1e-3', 'seed', '7') == (0, 'gamma = -0.001\nseed = 7\n', '')
     future = asking.call_async(GetParameters.Request(names=['alpha', 'gamma', 'seed']))
     spin(future.done)

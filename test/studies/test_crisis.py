@@ -200,7 +200,8 @@ def test_the_end_of_any_chaotic_attractor_names_what_it_collides_with(name, tmp_
     (['--alpha', '1.25', '1.23'], 'alpha window'),
     (['--beyond', '1e-3', '1e-4'], '--beyond'),
     (['--alpha', '0.48', '0.49'], 'give another --alpha'),
-    (['--alpha', '0.57', '0.571', '--attractor', 'chaotic-9'], 'chaotic-9'),
+    pytest.param(['--alpha', '0.57', '0.571', '--attractor', 'chaotic-9'], 'chaotic-9',
+                 marks=pytest.mark.long),
 ])
 def test_bad_input_is_refused_in_one_line(words, named, capsys, tmp_path):
     # The first time on a machine a line says that kernels are compiled.
