@@ -91,7 +91,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     data_files=data_files(),
     python_requires='>=3.11',
-    install_requires=Path('requirements.txt').read_text().split(),
+    install_requires=Path('requirements.txt').read_text().splitlines(),
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={
         'cluster': [

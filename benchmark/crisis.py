@@ -129,7 +129,7 @@ def edge_by_scipy(contact: Contact, place: float, impacts: int, seed: float, alp
 def compare_tangency() -> tuple[Orbit, Tangency]:
     """Print where the manifolds touch, by both programs; return the captor, and the tangency."""
     begin = time.perf_counter()
-    _, end, captor = find_ending(Parameters(), (LOW, HIGH), Plane(displacement=-0.5), '', 1)
+    _, end, (captor, *_) = find_ending(Parameters(), (LOW, HIGH), Plane(displacement=-0.5), '', 1)
     ours = touch(end, lambda count: None)
     spent = time.perf_counter() - begin
     print(f'tangency, ours:          alpha_c = {ours.alpha:.10f} +- {ours.uncertainty:.0e}  '

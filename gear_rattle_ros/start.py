@@ -42,9 +42,9 @@ GROUPS = {
         'teleop': ('nodes.teleop.node', 'steer a simulator with the keyboard'),
         'set': ('nodes.steering set', 'set parameters of a running simulator'),
         'get': ('nodes.steering get', 'print parameters of a running simulator'),
-        'reset': ('nodes.steering reset', 'set it back to its initial condition'),
-        'pause': ('nodes.steering pause', 'let it pause'),
-        'resume': ('nodes.steering resume', 'let it go on'),
+        'reset': ('nodes.steering reset', 'reset it to its initial condition'),
+        'pause': ('nodes.steering pause', 'pause the simulator'),
+        'resume': ('nodes.steering resume', 'resume it'),
     },
     'bags': {
         'recorder': ('nodes.recorder.node', 'record a run (needs ROS)'),
@@ -90,14 +90,14 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 def _prepare() -> None:
     """Let libraries find what they take for granted: UTF-8, open streams, a home, no window."""
-    if sys.getfilesystemencoding() != 'utf-8':
+    if sys.getfilesystemencoding() != 'utf-8' and os.environ.get('PYTHONUTF8') != '1':
         # A locale's encoding is that of every file, and is replaced only where Python begins.
         os.environ['PYTHONUTF8'] = '1'
         os.execv(sys.executable, [sys.executable, '-X', 'utf8', *sys.orig_argv[1:]])
-    for name in ('stdout', 'stderr'):
+    for name in ('stdin', 'stdout', 'stderr'):
         if getattr(sys, name) is None:
-            # It was closed, and a bag would take its place.
-            setattr(sys, name, open(os.devnull, 'w'))
+            # It was closed, and a bag would take its place: the lowest number that is free.
+            setattr(sys, name, open(os.devnull, 'r' if name == 'stdin' else 'w'))
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors='replace')
@@ -139,7 +139,9 @@ def start(name: str) -> NoReturn:
         # The reader, such as head, has read enough: the status of a program that SIGPIPE ends.
         status = 128 + signal.SIGPIPE
     except KeyboardInterrupt:
-        status = 0
+        # It is how a node ends, and what interrupts a command.
+        is_node = EXECUTABLES[name].startswith('nodes.') and ' ' not in EXECUTABLES[name]
+        status = 0 if is_node else 130
     except ModuleNotFoundError as error:
         missing = (error.name or '').split('.')[0]
         if missing == __package__:
@@ -188,7 +190,7 @@ def _end(status: int) -> NoReturn:
     # Everything that was open is closed; taking LLVM and DDS down too would cost half a second.
     # A stream that nobody reads, or that is closed, changes nothing.
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(AttributeError, OSError):
+        with contextlib.suppress(AttributeError, OSError, ValueError):
             stream.flush()
     os._exit(status)
 

@@ -46,7 +46,7 @@ def test_a_signal_that_an_import_swallows_ends_the_program(tmp_path: Path) -> No
             f'gear_rattle_ros.__path__.append({str(tmp_path)!r}); '
             f'start.EXECUTABLES["deaf"] = "deaf"; start.start("deaf")')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (0, '', '')
+    assert (done.returncode, done.stdout, done.stderr) == (130, '', '')
 
 
 def begun(*words: str, **options: object) -> subprocess.CompletedProcess[str]:

@@ -48,9 +48,9 @@ def nodes(context):
     config = given['config']
     if not config:
         with tempfile.NamedTemporaryFile('w', suffix='.rviz', delete=False) as file:
-            file.write(named((CONFIG / 'rviz' / 'gear_rattle.rviz').read_text(), namespace, frame))
+            file.write(named((CONFIG / 'rviz' / 'gear_rattle.rviz').read_text(encoding='utf-8'), namespace, frame))
         config = file.name
-    gears = (CONFIG / 'urdf' / 'gears.urdf').read_text()
+    gears = (CONFIG / 'urdf' / 'gears.urdf').read_text(encoding='utf-8')
     return [
         Node(package='robot_state_publisher', executable='robot_state_publisher',
              namespace=namespace,

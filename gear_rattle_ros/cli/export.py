@@ -79,6 +79,8 @@ def _export(bag: Path, files: list[Path], topic: str) -> int:
         try:
             FORMATS[file.suffix](fresh, events)
             fresh.replace(file)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(file)) from error
         finally:
             fresh.unlink(missing_ok=True)
         print(f'{file}: {counted(len(events), "event")}')

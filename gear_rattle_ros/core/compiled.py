@@ -46,8 +46,9 @@ def cache_directory() -> Path | None:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder) as file:
                 memory = os.fstatvfs(file.fileno())
-                if memory.f_bavail * memory.f_frsize >= ROOM:
-                    return folder
+            # What is there already needs no room.
+            if memory.f_bavail * memory.f_frsize >= ROOM or any(folder.rglob('*.nbi')):
+                return folder
         except (OSError, RuntimeError):
             # Not to be written, or no home.
             continue

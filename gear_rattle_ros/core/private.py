@@ -30,5 +30,5 @@ def private_folder() -> Path:
     # Anybody may have made it: what is compiled would be theirs.
     if about.st_uid != os.getuid() or about.st_mode & 0o022 or not stat.S_ISDIR(about.st_mode):
         raise PermissionError(
-            f'{folder} belongs to somebody else; remove it, or set TMPDIR to another folder')
+            f'{folder} is not a folder of this user alone; remove it, or set TMPDIR to another')
     return folder

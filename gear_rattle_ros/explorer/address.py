@@ -19,7 +19,7 @@ import dataclasses
 from typing import Any, Final
 from urllib.parse import urlencode
 
-from .view import View
+from .view import VELOCITY_BOUND, View
 from ..core.model import Parameters
 
 MODEL: Final = tuple(field.name for field in dataclasses.fields(Parameters))
@@ -81,4 +81,7 @@ def _numbers(name: str, word: str) -> tuple[float, float]:
     first, comma, second = word.partition(',')
     if not comma:
         raise ValueError(f'{name}={word} in the address is not two numbers with a comma between')
-    return _number(name, first), _number(name, second)
+    values = _number(name, first), _number(name, second)
+    if not all(abs(value) <= VELOCITY_BOUND for value in values):
+        raise ValueError(f'{name}={word} in the address is beyond {VELOCITY_BOUND:g}')
+    return values

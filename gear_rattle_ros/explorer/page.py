@@ -198,7 +198,7 @@ class Page:
 
     def _toggle(self, attr: str, old: bool, new: bool) -> None:
         self._show(dataclasses.replace(
-            self._shown, beside=self._value('beside') if new else None))
+            self._shown, beside=float(self._typed['beside'].value) if new else None))
 
     def _show_beside(self) -> None:
         """Show the same plane at the second alpha, or the trajectory in its place."""
@@ -214,7 +214,7 @@ class Page:
             plane = PlaneFigure(self._shown.view, self._move, self._click,
                                 self._plane.figure, '_beside')
             plane.mark(*self._shown.point)
-            # An attractor has the same colour on both planes.
+            # What has a letter has one colour everywhere; others keep that of the first plane.
             self._beside = Pane(self._document, plane, self._shared.catalogues, self._is_open,
                                 self._pane.colours, '_beside')
             self._second.children = [self._other, self._beside.layout]

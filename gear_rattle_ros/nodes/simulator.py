@@ -161,8 +161,10 @@ class Simulator(ReportingNode):
         self._looked = now
         step = self._scene.due(self._played, self._simulation.parameters.alpha)
         if step is not None:
-            self.set_parameters_atomically([
+            result = self.set_parameters_atomically([
                 Parameter(name, value=value) for name, value in step.parameters.items()])
+            if not result.successful:
+                self.get_logger().warning(f'a step of the scene is left out: {result.reason}')
             if step.reset:
                 self._reset(Trigger.Request(), Trigger.Response())
 

@@ -25,6 +25,7 @@ from rclpy.exceptions import NameValidationException
 
 from .base.arguments import split_arguments
 from .base.client import Visitor
+from .base.dds_room import avoid_full_memory
 from .base.errors import UserError
 from .base.process import ended_in_time
 from ..core.words import shown
@@ -62,6 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for word in values or words:
             if word not in known:
                 raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
+        warning = avoid_full_memory()
+        if warning:
+            print(f'{name}: {warning}', file=sys.stderr)
         _steer(name, given.simulator, values, list(values or words or _LIVE))
     except (UserError, ValueError) as error:
         print(f'{name}: {error}', file=sys.stderr)
@@ -80,7 +84,8 @@ def _values(words: Sequence[str]) -> dict[str, float]:
             raise ValueError(f'{name} needs a number, not {shown(text or "nothing")}') from None
         if name in _NUMBERS:
             if isinstance(_NUMBERS[name].default, int) and values[name].is_integer():
-                values[name] = int(text)
+                # A large seed has more digits than a float.
+                values[name] = int(text) if text.lstrip('+-').isdecimal() else int(values[name])
             _NUMBERS[name].check(values[name])
     return values
 

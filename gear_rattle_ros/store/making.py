@@ -61,8 +61,11 @@ def make_store(path: Path | str | None, layout: Layout, command: str, *, resume:
         fresh.mkdir()
         if path.is_dir():
             path.rmdir()
-        _fill(fresh, layout, command)
-        fresh.rename(path)
+        try:
+            _fill(fresh, layout, command)
+            fresh.rename(path)
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
     except OSError as error:
         raise StoreError(f'{path} cannot be written: {error.strerror or error}; {ELSE}') from error
     return Store(path, folder)

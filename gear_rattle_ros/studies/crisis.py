@@ -100,7 +100,8 @@ def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.24, 1.25),
     places = amplitudes(tangency.alpha, end.direction, *beyond, rates)
     store = compute(Escapes(
         places, parameters, plane, escapes, seed, skip, limit, min(limit, BEFORE),
-        tuple(points_at(captors, alpha) for alpha in places), radius_of(captors[0], tangency)),
+        tuple(points_at(captors, alpha) for alpha in places),
+        min(radius_of(one, tangency) for one in captors)),
         {'attractor': key, 'captor': captors[0].key, 'direction': end.direction,
          **attributes_of(tangency)}, work)
     write_law(store)

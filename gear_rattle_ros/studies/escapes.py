@@ -35,7 +35,7 @@ from ..core.model import Parameters
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
-# A trajectory that has settled on another stable orbit will never escape and does not count.
+# A trajectory that has settled on an orbit which is not among the captors does not count.
 ELSEWHERE: Final = 2
 # Impacts for which a survivor is followed.
 SURVIVED_LOOK: Final = 1000
@@ -76,7 +76,7 @@ def layout_of(escapes: Escapes, attributes: dict[str, Any]) -> Layout:
         escapes_wanted=escapes.wanted, seed=escapes.seed,
         initial_velocity_window=list(plane.velocity), impacts_skipped=escapes.skip,
         impacts_limit=escapes.limit, impacts_limit_before=escapes.limit_before,
-        capture_radius=escapes.radius)
+        capture_radius=escapes.radius, captors=[len(one) for one in escapes.captors[-1]])
     del identity['alpha'], identity['velocity_window']
     return Layout(
         (Axis('alpha', np.array(escapes.alphas), named('amplitude of the drive'), 1),

@@ -97,7 +97,7 @@ def test_a_table_is_named_after_its_bag(bag: Path) -> None:
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['/nowhere/bag'], 'export: /nowhere/bag: does not exist\n'),
     (['BAG', 'a.xlsx'], 'export: a.xlsx does not end in one of .csv .parquet\n'),
-    (['BAG', '/nowhere/a.csv'], 'export: /nowhere/.a.csv.new: No such file or directory\n'),
+    (['BAG', '/nowhere/a.csv'], 'export: /nowhere/a.csv: No such file or directory\n'),
     (['BAG', 'a.csv', '--topic', '/some'], 'has no topic /some; there are '),
     (['BAG', 'a.csv', '--topic', '/lyapunov'], 'is not a PointCloud2'),
 ])

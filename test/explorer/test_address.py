@@ -41,6 +41,8 @@ def test_what_is_shown_comes_back_to_the_bit(shown: Shown) -> None:
     ('phase=1', 'phase=1 in the address is not two numbers'),
     ('velocity=1,x', 'velocity=x in the address is not a number'),
     ('velocity=1,0', 'empty or reversed'),
+    ('point=0,1e300', 'point=0,1e300 in the address is beyond 9000'),
+    ('point=nan,0', 'point=nan,0 in the address is beyond 9000'),
     ('kind=colours', 'is not one of basins')])
 def test_an_address_that_cannot_be_is_refused(query: str, line: str) -> None:
     words = {name: [value.encode() for value in values]

@@ -41,7 +41,7 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None
     done = subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', 'set', 'alpha', '1.244'],
                           text=True, capture_output=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'alpha = 1.244\n', '')
-    assert steer('set', 'gamma', '-1e-3', 'seed', '7') == (0, 'gamma = -0.001\nseed = 7\n', '')
+    assert steer('set', 'gamma', '-1e-3', 'seed', '7.0') == (0, 'gamma = -0.001\nseed = 7\n', '')
     future = asking.call_async(GetParameters.Request(names=['alpha', 'gamma', 'seed']))
     spin(future.done)
     assert [value.double_value or value.integer_value for value in future.result().values] == [
@@ -60,6 +60,7 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None
     ('set alhpa 1', "set: 'alhpa' is not one of alpha, beta"),
     ('set alpha', "set: alpha needs a number, not 'nothing'"),
     ('set alpha x', "set: alpha needs a number, not 'x'"),
+    ('set seed 1e400', 'set: seed = inf'),
     ('set seed 1.5', 'set: seed = 1.5 is not of type integer'),
     ('set alpha nan', 'set: alpha = nan is not a number'),
     ('set alpha -1', 'set: alpha = -1.0 is outside [0, 1000]'),

@@ -32,7 +32,7 @@ SYSTEM = (
 # They are older there than what we pin.
 OLDER = ('numpy', 'numba', 'llvmlite', 'scipy', 'matplotlib', 'setuptools')
 # What a ROS installation and a launch file bring.
-LEFT_OUT = ('cd ', 'rosdep ', 'ros2 ')
+LEFT_OUT = ('source /opt/', 'cd ', 'rosdep ', 'ros2 ')
 VERSIONS = """
 import numba, numpy, rclpy, rerun, sensor_msgs.msg, xarray, zarr
 print(numpy.__version__, numba.__version__)

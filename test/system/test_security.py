@@ -82,7 +82,7 @@ def test_the_policy_has_the_published_structure() -> None:
             assert names == sorted(set(names))
     assert len(set(paths)) == len(paths)
     # No node with parameters is forgotten.
-    assert {enclave(name) for name in ('suite', *TABLES)} <= set(paths)
+    assert {enclave(name) for name in ('suite', 'explorer', 'steering', *TABLES)} <= set(paths)
 
 
 @pytest.fixture

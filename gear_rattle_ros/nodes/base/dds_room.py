@@ -25,6 +25,7 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
+import stat
 import time
 
 from ...places import config_folder
@@ -85,9 +86,12 @@ def avoid_full_memory() -> str:
 def remove_abandoned() -> None:
     """Remove the segments that killed processes of this user have left."""
     for lock in MEMORY.glob(f'fastrtps_{16 * "[0-9a-f]"}_el'):
-        with contextlib.suppress(OSError), open(lock, 'rb') as stream:
-            about = os.fstat(stream.fileno())
-            if about.st_uid == os.getuid() and about.st_mtime < time.time() - OLD:
+        with contextlib.suppress(OSError):
+            about = lock.lstat()
+            if (not stat.S_ISREG(about.st_mode) or about.st_uid != os.getuid()
+                    or about.st_mtime > time.time() - OLD):
+                continue
+            with open(lock, 'rb') as stream:
                 # Refused while the process lives.
                 fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)

@@ -17,6 +17,7 @@
 from collections.abc import Callable, Iterator
 import contextlib
 import ctypes
+import errno
 import faulthandler
 import functools
 import gc
@@ -95,7 +96,9 @@ def say(*words: str) -> None:
         if words:
             print(*words)
         sys.stdout.flush()
-    except OSError:
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.EBADF):
+            raise
         sys.stdout = open(os.devnull, 'w')
 
 

@@ -79,7 +79,7 @@ class _Source:
         self._last: list[int] = []
         receive: Any = self._receive
         self._subscription = node.create_subscription(kind, name, receive, qos, raw=True)
-        # With several publishers, or where messages may be dropped, gaps mean nothing.
+        # Where messages may be dropped, gaps mean nothing.
         self._is_counted = name not in _UNCOUNTED
         # A latched message that is replaced before it was fetched is no longer needed.
         self._is_latched = qos is _LATCHED_INPUT

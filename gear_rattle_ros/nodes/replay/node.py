@@ -49,14 +49,15 @@ class Replay(ReportingNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('replay', **options)
         if not self.values['bag']:
-            raise UserError('no bag is given; use replay BAG, or set the parameter bag')
+            raise UserError(f'no bag is given; use {program("replay")} BAG, or the parameter bag')
         try:
             self._bag = Bag(Path(str(self.values['bag'])).expanduser())
         except BagError as error:
             raise UserError(str(error)) from None
         self._span = self._find_span()
         kinds = self._choose()
-        check_overrides(self.given, {'publisher': list(kinds)})
+        check_overrides(self.given, {'publisher': [self.resolve_topic_name(name)
+                                                   for name in kinds]})
         outputs = {name: self._make_output(self._bag.topics[name], kind)
                    for name, kind in kinds.items()}
         self._topics = len(outputs)

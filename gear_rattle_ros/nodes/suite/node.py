@@ -213,7 +213,7 @@ class Suite:
                         status.phase += f'; {EXPLANATION}'
                         if live is None and not shown:
                             shown = now
-                            print(f'starting; {EXPLANATION}', flush=True)
+                            say(f'starting; {EXPLANATION}')
                     if status.impacts:
                         first = now
                         # The simulator was started with the parameters of the first step.
