@@ -48,7 +48,8 @@ def nodes(context):
     config = given['config']
     if not config:
         with tempfile.NamedTemporaryFile('w', suffix='.rviz', delete=False) as file:
-            file.write(named((CONFIG / 'rviz' / 'gear_rattle.rviz').read_text(encoding='utf-8'), namespace, frame))
+            own = (CONFIG / 'rviz' / 'gear_rattle.rviz').read_text(encoding='utf-8')
+            file.write(named(own, namespace, frame))
         config = file.name
     gears = (CONFIG / 'urdf' / 'gears.urdf').read_text(encoding='utf-8')
     return [

@@ -30,7 +30,7 @@ SYSTEM = (
     'colcon-python-setup-py', 'colcon-ros', 'setuptools<80', 'ros-jazzy-rclpy',
     'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp')
 # They are older there than what we pin.
-OLDER = ('numpy', 'numba', 'llvmlite', 'scipy', 'matplotlib', 'setuptools')
+OLDER = ('contourpy', 'llvmlite', 'matplotlib', 'numba', 'numpy', 'pillow', 'scipy', 'setuptools')
 # What a ROS installation and a launch file bring.
 LEFT_OUT = ('source /opt/', 'cd ', 'rosdep ', 'ros2 ')
 VERSIONS = """
