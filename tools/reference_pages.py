@@ -27,19 +27,20 @@ from gear_rattle_ros.start import EXECUTABLES
 COLUMNS = '88'
 
 
-def help_text(module: str) -> str:
+def help_text(place: str) -> str:
     """Return what an executable prints with --help."""
     printed = io.StringIO()
+    module, *words = place.split()
     with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
-        importlib.import_module(f'gear_rattle_ros.{module}').main(['--help'])
+        importlib.import_module(f'gear_rattle_ros.{module}').main([*words, '--help'])
     return printed.getvalue().rstrip()
 
 
 def tools_page() -> str:
     """Return the page; the other nodes have parameters instead of options."""
     return '# Options\n' + ''.join(
-        f'\n## {name}\n\n```text\n{help_text(module)}\n```\n'
-        for name, module in EXECUTABLES.items() if name not in TABLES or name == 'replay')
+        f'\n## {name}\n\n```text\n{help_text(place)}\n```\n'
+        for name, place in EXECUTABLES.items() if name not in TABLES or name == 'replay')
 
 
 def write(folder: Path) -> None:
