@@ -75,6 +75,8 @@ def data_files():
 
 manifest = ElementTree.parse('package.xml').getroot()
 readme = Path('README.md')
+# colcon --symlink-install builds elsewhere, with links to this file and the data files alone.
+requirements = Path(__file__).resolve().with_name('requirements.txt')
 
 setup(
     name=PACKAGE,
@@ -91,7 +93,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     data_files=data_files(),
     python_requires='>=3.11',
-    install_requires=Path('requirements.txt').read_text().splitlines(),
+    install_requires=requirements.read_text(encoding='utf-8').splitlines(),
     # A ROS installation brings rclpy and the messages: the wheels of them are an extra.
     extras_require={
         'cluster': [

@@ -76,7 +76,8 @@ def layout_of(escapes: Escapes, attributes: dict[str, Any]) -> Layout:
         escapes_wanted=escapes.wanted, seed=escapes.seed,
         initial_velocity_window=list(plane.velocity), impacts_skipped=escapes.skip,
         impacts_limit=escapes.limit, impacts_limit_before=escapes.limit_before,
-        capture_radius=escapes.radius, captors=[len(one) for one in escapes.captors[-1]])
+        capture_radius=escapes.radius,
+        captors=' '.join(str(len(one)) for one in escapes.captors[-1]))
     del identity['alpha'], identity['velocity_window']
     return Layout(
         (Axis('alpha', np.array(escapes.alphas), named('amplitude of the drive'), 1),
