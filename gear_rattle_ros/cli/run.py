@@ -109,9 +109,9 @@ def _add_run(parser: Parser) -> None:
     group = parser.add_argument_group('running')
     group.add_argument('--output', type=Path, metavar='DIR.zarr',
                        help='the store, by default named after the tool, alpha and every '
-                       'other option that changes the result; one that is there already is gone '
-                       'on with, or drawn again, if it answers the same question')
-    # Older versions went on with a store only where they were told to.
+                       'other option that changes the result; an existing one that answers the '
+                       'same question is continued, or drawn again')
+    # Older versions continued a store only when they were told to.
     group.add_argument('--resume', action='store_true', help=argparse.SUPPRESS)
     group.add_argument('--cluster', metavar='ADDRESS',
                        help='run the tiles on a Dask cluster, such as tcp://host:8786')

@@ -36,6 +36,15 @@ class Shown:
     point: tuple[float, float]  # phase and velocity of the trajectory that is shown [rad, 1]
     beside: float | None = None  # alpha of a second plane, if there is one [1]
 
+    def __post_init__(self) -> None:
+        # An alpha that cannot be is refused.
+        _ = self.second
+
+    @property
+    def second(self) -> View | None:
+        """Return what the second plane shows."""
+        return None if self.beside is None else changed(self.view, 'alpha', self.beside)
+
     def query(self) -> str:
         """Write it as the query of an address."""
         view = self.view
@@ -59,11 +68,16 @@ class Shown:
             changes['kind'] = words['kind']
         parameters = dataclasses.replace(self.view.parameters, **model)
         view = dataclasses.replace(self.view, parameters=parameters, **changes)
-        beside = _number(BESIDE, words[BESIDE]) if BESIDE in words else self.beside
-        if beside is not None:
-            dataclasses.replace(view.parameters, alpha=beside)
         return Shown(view, _numbers(POINT, words[POINT]) if POINT in words else self.point,
-                     beside)
+                     _number(BESIDE, words[BESIDE]) if BESIDE in words else self.beside)
+
+
+def changed(view: View, name: str, value: float) -> View:
+    """Return a view with another parameter of the model, or another displacement."""
+    if name in MODEL:
+        return dataclasses.replace(
+            view, parameters=dataclasses.replace(view.parameters, **{name: value}))
+    return dataclasses.replace(view, displacement=value)
 
 
 def _pair(values: tuple[float, float]) -> str:

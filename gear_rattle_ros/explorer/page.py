@@ -35,7 +35,7 @@ from bokeh.models import (
     Toggle,
 )
 
-from .address import Shown
+from .address import changed, Shown
 from .catalogues import Catalogues
 from .painting import Colours
 from .pane import Pane
@@ -75,8 +75,8 @@ class Page:
         self._shown, self._home = shown, home
         self._trajectory: Trajectory | None = None
         view = shown.view
-        self._plane = PlaneFigure(view, self._move, self._click)
-        self._pane = Pane(document, self._plane, shared.catalogues, is_open, Colours())
+        self._pane = Pane(document, PlaneFigure(view, self._move, self._click),
+                          shared.catalogues, is_open, Colours())
         self._beside: Pane | None = None
         self._figures = TrajectoryFigures()
         self._message = Div(name='message', width=RIGHT_WIDTH, height=40, text=(
@@ -110,7 +110,7 @@ class Page:
     def _lay_out(self) -> None:
         controls = [self._control(name, title, (low, high), step)
                     for name, title, low, high, step in SLIDERS]
-        self._kind.on_change('active', lambda attr, old, new: self._ask(kind=KINDS[new]))
+        self._kind.on_change('active', lambda attr, old, new: self._ask_view(kind=KINDS[new]))
         home = Button(name='home', label='whole plane', width=100)
         home.on_click(self._go_home)
         save = Button(name='save', label='save this view', width=110, button_type='primary')
@@ -162,39 +162,32 @@ class Page:
         if (shown.view, shown.beside) != (before.view, before.beside):
             self._show_beside()
 
-    def _ask(self, **changes: object) -> bool:
-        """Ask for another view; return whether it can be."""
+    def _ask(self, change: Callable[[], Shown]) -> bool:
+        """Show something else; return whether that can be."""
         try:
-            view = dataclasses.replace(self._shown.view, **changes)  # type: ignore[arg-type]
+            self._show(change())
         except ValueError as error:
             self._report(str(error), False)
             return False
-        self._show(dataclasses.replace(self._shown, view=view))
         return True
+
+    def _ask_view(self, **changes: object) -> None:
+        self._ask(lambda: dataclasses.replace(self._shown, view=dataclasses.replace(
+            self._shown.view, **changes)))  # type: ignore[arg-type]
 
     def _set(self, name: str, attr: str, old: float | None, value: float | None) -> None:
         """Take what is slid or typed; the clicked point moves on with it."""
-        if value is not None and value != self._value(name) and self._can_be(name, float(value)):
-            if name != 'beside':
+        if value is not None and value != self._value(name):
+            wanted, shown = float(value), self._shown
+            if name == 'beside':
+                self._ask(lambda: dataclasses.replace(shown, beside=wanted))
+            elif self._ask(lambda: dataclasses.replace(
+                    shown, view=changed(shown.view, name, wanted))):
                 self._click(*self._shown.point)
         value, slider = self._value(name), self._sliders[name]
         # Their own callbacks then find nothing new.
         slider.update(start=min(slider.start, value), end=max(slider.end, value), value=value)
         self._typed[name].value = value
-
-    def _can_be(self, name: str, value: float) -> bool:
-        if name == 'displacement':
-            return self._ask(displacement=value)
-        changed = {'alpha' if name == 'beside' else name: value}
-        try:
-            parameters = dataclasses.replace(self._shown.view.parameters, **changed)
-        except ValueError as error:
-            self._report(str(error), False)
-            return False
-        if name == 'beside':
-            self._show(dataclasses.replace(self._shown, beside=value))
-            return True
-        return self._ask(parameters=parameters)
 
     def _toggle(self, attr: str, old: bool, new: bool) -> None:
         self._show(dataclasses.replace(
@@ -202,30 +195,29 @@ class Page:
 
     def _show_beside(self) -> None:
         """Show the same plane at the second alpha, or the trajectory in its place."""
-        beside = self._shown.beside
-        self._second.visible = beside is not None
-        self._first.visible = beside is None
-        if beside is None:
+        view = self._shown.second
+        self._second.visible = view is not None
+        self._first.visible = view is None
+        if view is None:
             if self._beside:
                 self._beside.stop()
                 self._beside, self._second.children = None, [self._other]
             return
         if self._beside is None:
-            plane = PlaneFigure(self._shown.view, self._move, self._click,
-                                self._plane.figure, '_beside')
+            plane = PlaneFigure(view, self._move, self._click,
+                                self._pane.plane.figure, '_beside')
             plane.mark(*self._shown.point)
             # What has a letter has one colour everywhere; others keep that of the first plane.
             self._beside = Pane(self._document, plane, self._shared.catalogues, self._is_open,
                                 self._pane.colours, '_beside')
             self._second.children = [self._other, self._beside.layout]
-        self._beside.ask(dataclasses.replace(self._shown.view, parameters=dataclasses.replace(
-            self._shown.view.parameters, alpha=beside)))
+        self._beside.ask(view)
 
     def _move(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
-        self._ask(phase=phase, velocity=velocity)
+        self._ask_view(phase=phase, velocity=velocity)
 
     def _go_home(self) -> None:
-        self._plane.go_to(self._home.phase, self._home.velocity)
+        self._pane.plane.go_to(self._home.phase, self._home.velocity)
         self._move(self._home.phase, self._home.velocity)
 
     def _click(self, phase: float, velocity: float) -> None:

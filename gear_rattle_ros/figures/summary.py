@@ -153,7 +153,7 @@ def draw_velocity(axes: Axes, digest: Digest, colour: Colour) -> None:
 def draw_alpha(axes: Axes, digest: Digest, looks: Looks) -> None:
     assert digest.place is not None
     changes = digest.changes.rows
-    # Before the next impact all lies on one number.
+    # Until the next impact all changes have the same number.
     marker = '' if changes['impact'][0] < digest.place.impact else '.'
     axes.step([*changes['impact'], digest.place.impact],
               [*changes['alpha'], digest.place.event['alpha']], where='post', color=looks.hue(1),

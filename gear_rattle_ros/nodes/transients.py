@@ -19,6 +19,7 @@ import functools
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
 from sensor_msgs.msg import JointState
 
 from .base.dds_room import bound_backlog
@@ -48,7 +49,7 @@ class Transients(ReportingNode):
             Simulation(Parameters(), State()).advance(100, 0.0, 400))
         self._detector = TransientDetector(self._tolerance)
         self._attractor = _number_of(self._detector.report)
-        self._last: dict[str, float] = {}
+        self._last: Any = None
         self._publisher = self.create_publisher(DiagnosticArray, 'transient', LATCHED)
         self._display = self.create_publisher(JointState, 'last_impact', STREAM)
         if self.number('display_rate') > 0.0:
@@ -77,15 +78,16 @@ class Transients(ReportingNode):
                 values | {'tolerance': self._tolerance}, self._input.stamp))
             self.get_logger().info(words)
             self._attractor = _number_of(change)
-        impacts = events[events['kind'] == EventKind.IMPACT]
+        impacts = np.flatnonzero(events['kind'] == EventKind.IMPACT)
         if len(impacts):
-            self._last = {name: float(impacts[-1][name]) for name in SHOWN}
+            self._last = events[impacts[-1]]
 
     def _show(self) -> None:
-        if self._last:
+        if self._last is not None:
+            values = {name: float(self._last[name]) for name in SHOWN}
             self._display.publish(named_values(
-                {**self._last, 'attractor': self._attractor}, self._input.stamp))
-            self._last = {}
+                values | {'attractor': self._attractor}, self._input.stamp))
+            self._last = None
 
 
 def _number_of(report: TransientReport) -> float:

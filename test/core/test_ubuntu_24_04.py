@@ -16,27 +16,13 @@
 
 import os
 from pathlib import Path
-import shutil
 import subprocess
 
 import pytest
+from ubuntu import python_3_12, VERSIONS
 
 ROOT = Path(__file__).parents[2]
-# numba 0.59 is the first release for Python 3.12; Ubuntu patched its 0.58.
-VERSIONS = (
-    'numpy==1.26.4', 'numba==0.59.1', 'scipy==1.11.4', 'mpmath==1.3.0', 'hypothesis', 'pytest<9')
-
-
-def python_3_12() -> str | None:
-    """Find a Python 3.12 that runs."""
-    builds = Path(os.environ.get('PYENV_ROOT', Path.home() / '.pyenv'), 'versions')
-    candidates = [shutil.which('python3.12'), *builds.glob('3.12.*/bin/python3.12')]
-    for candidate in filter(None, candidates):
-        check = subprocess.run(
-            [candidate, '-c', 'import ensurepip'], capture_output=True, check=False)
-        if check.returncode == 0:
-            return str(candidate)
-    return None
+TESTED_BY = ('mpmath==1.3.0', 'hypothesis', 'pytest<9')
 
 
 @pytest.mark.long
@@ -45,7 +31,7 @@ def test_core_passes_its_tests_there(tmp_path: Path) -> None:
     """All the tests of core/ pass, with kernels compiled by that numba."""
     python = tmp_path / 'bin' / 'python'
     subprocess.run([python_3_12(), '-m', 'venv', tmp_path], check=True)
-    subprocess.run([python, '-m', 'pip', 'install', '--quiet', *VERSIONS], check=True)
+    subprocess.run([python, '-m', 'pip', 'install', '--quiet', *VERSIONS, *TESTED_BY], check=True)
     kept = {name: os.environ[name] for name in ('HOME', 'PATH') if name in os.environ}
     done = subprocess.run(
         [python, '-m', 'pytest', '--override-ini', 'addopts=', '-m', 'not long', '-q',

@@ -20,35 +20,23 @@ import shutil
 import subprocess
 
 import pytest
+from ubuntu import python_3_12, VERSIONS
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = 'gear_rattle_ros'
-# numba 0.59 is the first release for Python 3.12; Ubuntu patched its 0.58.
 SYSTEM = (
-    'numpy==1.26.4', 'numba==0.59.1', 'scipy==1.11.4', 'matplotlib==3.8.4', 'pillow', 'pyyaml',
-    'colcon-bash', 'colcon-core', 'colcon-library-path', 'colcon-package-selection',
-    'colcon-python-setup-py', 'colcon-ros', 'setuptools<80', 'ros-jazzy-rclpy',
-    'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp')
+    *VERSIONS, 'matplotlib==3.8.4', 'pillow', 'pyyaml', 'colcon-bash', 'colcon-core',
+    'colcon-library-path', 'colcon-package-selection', 'colcon-python-setup-py',
+    'colcon-ros', 'setuptools<80', 'ros-jazzy-rclpy', 'ros-jazzy-common-interfaces',
+    'ros-jazzy-rmw-fastrtps-cpp')
 # They are older there than what we pin.
 OLDER = ('contourpy', 'llvmlite', 'matplotlib', 'numba', 'numpy', 'pillow', 'scipy', 'setuptools')
 # What a ROS installation and a launch file bring.
 LEFT_OUT = ('source /opt/', 'cd ', 'rosdep ', 'ros2 ')
-VERSIONS = """
+PRINT_VERSIONS = """
 import numba, numpy, rclpy, rerun, sensor_msgs.msg, xarray, zarr
 print(numpy.__version__, numba.__version__)
 """
-
-
-def python_3_12() -> str | None:
-    """Find a Python 3.12 that can make environments."""
-    builds = Path(os.environ.get('PYENV_ROOT', Path.home() / '.pyenv'), 'versions')
-    candidates = [shutil.which('python3.12'), *builds.glob('3.12.*/bin/python3.12')]
-    for candidate in filter(None, candidates):
-        check = subprocess.run(
-            [candidate, '-c', 'import ensurepip'], capture_output=True, check=False)
-        if check.returncode == 0:
-            return str(candidate)
-    return None
 
 
 def documented() -> list[str]:
@@ -97,7 +85,7 @@ def test_jazzy_workspace(tmp_path: Path) -> None:
         f'import site; site.addsitedir({str(next(system.glob("lib/python3.*/site-packages")))!r})')
     run('bash', '-ec', '\n'.join(others))
     set_up = 'source venv/bin/activate; source install/setup.bash;'
-    numpy, _ = run('bash', '-c', f'{set_up} python -W error -c "{VERSIONS}"').split()
+    numpy, _ = run('bash', '-c', f'{set_up} python -W error -c "{PRINT_VERSIONS}"').split()
     assert numpy.startswith('2.')
 
     def node(line: str) -> str:

@@ -162,7 +162,7 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
             given.refuse_plain(name, plain)
             lacking = avoid_full_memory()
             begin(ros)
-            for line in (*[lacking][:bool(lacking)], *given.misspelt_sections(name, ros)):
+            for line in filter(None, (lacking, *given.misspelt_sections(name, ros))):
                 print(f'{name}: {line}', file=sys.stderr, flush=True)
             made = make()
         except ValueError as error:
