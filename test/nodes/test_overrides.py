@@ -164,7 +164,10 @@ def test_the_last_impact_comes_at_the_display_rate(
 
     spin(is_there)
     records = {int(each['index']): each for each in np.concatenate(events) if each['kind'] == 0}
-    assert shown[0]['attractor'] == 0.0
+    # The batches decide how many are shown before the orbit is reached, which takes 35 impacts.
+    numbers = [each['attractor'] for each in shown]
+    assert set(numbers) <= {0.0, 1.0} and numbers == sorted(numbers)
+    assert all(each['index'] >= 35 for each in shown if each['attractor'])
     known = [each for each in shown if int(each['index']) in records]
     assert len(known) > 3
     for each in known:
