@@ -19,6 +19,7 @@ import functools
 import hashlib
 import os
 from pathlib import Path
+import re
 import tempfile
 from typing import Any, cast, Final, TypeVar
 
@@ -28,21 +29,18 @@ from .private import private_folder
 
 # All kernels take about 70 MB [bytes].
 ROOM: Final = 100 << 20
+# An import from this package, in its only form: the dots and the module.
+IMPORTED: Final = re.compile(r'^from (\.+)([\w.]+) import', re.MULTILINE)
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 @functools.cache
 def cache_directory() -> Path | None:
     """Return the folder of compiled kernels: of the user, else a temporary one, else none."""
-    # numba notices a change of the file a kernel stands in, but not of the kernels that it calls
-    # from other files: so the contents of the whole of ``core`` name the folder.
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.rglob('*.py')):
-        digest.update(source.read_bytes())
     base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
     for place in (lambda: Path(base) if base else Path.home() / '.cache', private_folder):
         try:
-            folder = place() / 'gear_rattle_ros' / digest.hexdigest()[:16]
+            folder = place() / 'gear_rattle_ros'
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder) as file:
                 memory = os.fstatvfs(file.fileno())
@@ -55,6 +53,29 @@ def cache_directory() -> Path | None:
     return None
 
 
+@functools.cache
+def sources(path: Path) -> frozenset[Path]:
+    """Return the files that a file of this package imports, itself included."""
+    found = {path}
+    for dots, name in IMPORTED.findall(path.read_text()):
+        imported = path.parents[len(dots) - 1].joinpath(*name.split('.')).with_suffix('.py')
+        found |= sources(imported)
+    return frozenset(found)
+
+
+@functools.cache
+def _folder_for(path: Path) -> str:
+    # numba notices a change of the file a kernel stands in, but not of the kernels that it calls
+    # from other files: so the contents of all that it imports name the folder.
+    folder = cache_directory()
+    if folder is None:
+        return ''
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(sources(path) | {Path(__file__)}):
+        digest.update(source.read_bytes())
+    return str(folder / digest.hexdigest()[:16])
+
+
 def kernel(function: Function) -> Function:
     """Compile scalar numeric code with numba, cached on disk; it releases the GIL."""
     # Without fused multiply-add and reordering, the same input gives the same bits on every
@@ -62,10 +83,10 @@ def kernel(function: Function) -> Function:
     # The folder is looked up when the function is decorated; other packages keep their own.
     config: Any = numba.config
     others = config.CACHE_DIR
-    folder = cache_directory()
-    config.CACHE_DIR = str(folder or '')
+    folder = _folder_for(Path(function.__code__.co_filename))
+    config.CACHE_DIR = folder
     try:
-        compiled = numba.njit(cache=folder is not None, nogil=True, error_model='numpy')(function)
+        compiled = numba.njit(cache=folder != '', nogil=True, error_model='numpy')(function)
     finally:
         config.CACHE_DIR = others
     return cast(Function, compiled)
