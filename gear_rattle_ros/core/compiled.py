@@ -58,8 +58,10 @@ def sources(path: Path) -> frozenset[Path]:
     """Return the files that a file of this package imports, itself included."""
     found = {path}
     for dots, name in IMPORTED.findall(path.read_text()):
-        imported = path.parents[len(dots) - 1].joinpath(*name.split('.')).with_suffix('.py')
-        found |= sources(imported)
+        place = path.parents[len(dots) - 1].joinpath(*name.split('.'))
+        # Of a package it may be any module.
+        for imported in place.glob('*.py') if place.is_dir() else [place.with_suffix('.py')]:
+            found |= sources(imported)
     return frozenset(found)
 
 
