@@ -28,7 +28,7 @@ import os
 import signal
 import sys
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 # Every program by group: the module whose `main` it calls, with the words put before its own
 # arguments, and what it does.
@@ -130,11 +130,7 @@ def start(name: str) -> NoReturn:
             if place.startswith('nodes.'):
                 from .nodes.base.dds_room import require_pages
                 require_pages()
-            module = importlib.import_module(f'.{place}', __package__)
-            if _signals:
-                # Libraries may swallow any exception while they are imported.
-                raise KeyboardInterrupt
-            status = int(module.main() or 0)
+            status = int(_import(place).main() or 0)
     except BrokenPipeError:
         # The reader, such as head, has read enough: the status of a program that SIGPIPE ends.
         status = 128 + signal.SIGPIPE
@@ -154,6 +150,19 @@ def start(name: str) -> NoReturn:
         print(f'{name}: {error}', file=sys.stderr)
         status = 2
     _end(status)
+
+
+def _import(place: str) -> Any:
+    # While they are imported, libraries may swallow any exception, or make another of it.
+    try:
+        module = importlib.import_module(f'.{place}', __package__)
+    except Exception as error:
+        if _signals:
+            raise KeyboardInterrupt from error
+        raise
+    if _signals:
+        raise KeyboardInterrupt
+    return module
 
 
 def gear_rattle() -> NoReturn:

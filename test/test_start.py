@@ -36,11 +36,15 @@ def test_a_missing_package_is_named(name: str, missing: str) -> None:
         f'{name}: the Python package {missing} is not installed; see doc/install.md\n')
 
 
-def test_a_signal_that_an_import_swallows_ends_the_program(tmp_path: Path) -> None:
+@pytest.mark.parametrize('then', [
+    'pass', 'raise ImportError("initialization failed") from None',
+    'raise ModuleNotFoundError(name="rclpy") from None'])
+def test_a_signal_that_an_import_swallows_ends_the_program(tmp_path: Path, then: str) -> None:
+    """Libraries pass over the interrupt, or make another error of it."""
     (tmp_path / 'deaf.py').write_text(
         'import os, signal\n'
         'try:\n    os.kill(os.getpid(), signal.SIGINT)\n    import this\nexcept BaseException:\n'
-        '    pass\n'
+        f'    {then}\n'
         'def main():\n    print("goes on")\n')
     code = (f'import gear_rattle_ros; from gear_rattle_ros import start; '
             f'gear_rattle_ros.__path__.append({str(tmp_path)!r}); '
