@@ -12,14 +12,124 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where two manifolds cross."""
+"""
+Where manifolds cross, and the cells that they bound.
+
+A cell of Nusse & Yorke (Science 271, 1376, 1996) is a polygon whose sides are in turn the first
+pieces of the unstable and of the stable manifold of one periodic orbit. It is a basin cell if its
+image lies in it: all of it is then in one basin.
+"""
+
+import dataclasses
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from .curves import Curve, Map
+from .section import turn
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
+
+# Points of a cell whose images are sought, and the share of them that must lie in a cell: what is
+# lacking is the width of a polygon's chords.
+SAMPLES: Final = 4000
+WITHIN: Final = 0.999
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A polygon bounded by manifolds."""
+
+    wall: int
+    outline: FloatArray  # phase, beyond 2 pi where it goes on, and velocity [rad, 1]
+    sides: int
+
+    def contains(self, walls: IntArray, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """Whether points lie in it."""
+        middle = 0.5 * (self.outline.min(axis=0) + self.outline.max(axis=0))
+        x = middle[0] + turn(points[:, 0] - middle[0])
+        return (walls == self.wall) & enclosed(x, points[:, 1], self.outline)
+
+    def samples(self, seed: int = 1) -> FloatArray:
+        """Draw points in it."""
+        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
+        drawn = low + (high - low) * np.random.default_rng(seed).random((SAMPLES, 2))
+        return drawn[enclosed(drawn[:, 0], drawn[:, 1], self.outline)]
+
+
+@kernel
+def enclosed(x: FloatArray, y: FloatArray, outline: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether points lie inside a closed polygon, by the sides that a ray from them crosses."""
+    found = np.zeros(len(x), np.bool_)
+    for i in range(len(x)):
+        for j in range(len(outline)):
+            x0, y0 = outline[j - 1]
+            x1, y1 = outline[j]
+            if (y0 > y[i]) != (y1 > y[i]) and x[i] < x0 + (x1 - x0) * (y[i] - y0) / (y1 - y0):
+                found[i] = not found[i]
+    return found
+
+
+def find_cells(points: FloatArray, unstable: Curve, stable: Curve) -> list[Cell]:
+    """
+    Find the cells that one side of each manifold of an orbit with these points bounds.
+
+    None where the unstable manifold does not meet the stable one within its first pieces. The
+    multipliers are positive.
+    """
+    period = len(points)
+    sides: dict[int, tuple[int, FloatArray]] = {}
+    for k in range(period):
+        out = _first_piece(unstable, k, period)
+        mine = tuple(each[out] for each in (unstable.walls, unstable.points, unstable.begins))
+        met = first_crossing(*mine, stable.walls, stable.points, stable.begins, 1)
+        if met[0] < 0:
+            return []
+        i, j, part = met
+        branch = int(stable.impacts[j]) % period
+        back = _first_piece(stable, branch, period)
+        if j >= back.stop:
+            return []
+        corner = mine[1][i - 1] + part * unstable.steps[out][i - 1]
+        # Backwards the orbit is passed in the other direction.
+        sides[k] = (-branch) % period, np.concatenate([
+            points[k:k + 1], mine[1][:i], corner[None], stable.points[back.start:j][::-1]])
+    cells, left = [], set(sides)
+    while left:
+        first = k = min(left)
+        outline = []
+        while k in left:
+            left.remove(k)
+            k, side = sides[k]
+            outline.append(side)
+        if k != first:
+            return []
+        path = np.concatenate(outline)
+        path[:, 0] = path[0, 0] + np.append(0.0, np.cumsum(turn(np.diff(path[:, 0]))))
+        cells.append(Cell(int(unstable.walls[_first_piece(unstable, first, period)][0]), path,
+                          2 * len(outline)))
+    return cells
+
+
+def _first_piece(curve: Curve, branch: int, period: int) -> slice:
+    # Up to the first cut of a branch; its points follow each other.
+    mine = np.flatnonzero(curve.impacts % period == branch)
+    cuts = np.flatnonzero(curve.begins[mine][1:])
+    return slice(int(mine[0]), int(mine[0]) + (int(cuts[0]) + 1 if len(cuts) else len(mine)))
+
+
+def are_trapping(cells: list[Cell], map_on: Map) -> bool:
+    """Whether the image of cells lies in them."""
+    inside, drawn = 0, 0
+    for cell in cells:
+        points = cell.samples()
+        walls, images = map_on(np.full(len(points), cell.wall, np.int64), points, 1)
+        inside += int(np.count_nonzero(np.any(
+            [each.contains(walls, images) for each in cells], axis=0)))
+        drawn += len(points)
+    return drawn > 0 and inside >= WITHIN * drawn
 
 
 @kernel

@@ -107,7 +107,7 @@ def stable_segment(saddle: Saddle) -> Segment:
     """Return where the stable manifold begins, at the side of growing phase or velocity."""
     # Of growing velocity where the phase stays.
     require_inverse(saddle.orbit.parameters)
-    vector: FloatArray = np.linalg.inv(saddle.rows)[:, 1]
+    vector = np.array(np.linalg.inv(saddle.rows)[:, 1], np.float64)
     vector *= math.copysign(1.0, vector @ (1.0, 1e-9)) / math.hypot(*vector)
     return Segment(int(saddle.orbit.walls[0]), saddle.orbit.points[0], vector,
                    1.0 / saddle.contraction, saddle.impacts)
@@ -115,6 +115,19 @@ def stable_segment(saddle: Saddle) -> Segment:
 
 def other_side(segment: Segment) -> Segment:
     return dataclasses.replace(segment, vector=-segment.vector)
+
+
+def segments_of(saddle: Saddle) -> list[tuple[str, Segment, bool]]:
+    """List the sides of both manifolds: name, segment, whether it is mapped backwards."""
+    # One segment leads to both sides where the multipliers are negative.
+    both = saddle.turns == 2
+    found = []
+    for name, segment in (('unstable', unstable_segment(saddle)),
+                          ('stable', stable_segment(saddle))):
+        found.append((name if both else f'{name} +', segment, name == 'stable'))
+        if not both:
+            found.append((f'{name} -', other_side(segment), name == 'stable'))
+    return found
 
 
 @kernel
