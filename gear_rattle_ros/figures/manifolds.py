@@ -43,7 +43,8 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     axes.images[0].set_alpha(0.35)
     wall, after = -int(a['displacement']), -float(a['restitution'])
     for name, colour, width in (('stable', STABLE, 0.5), ('unstable', UNSTABLE, 0.7)):
-        chosen = [number for number, side in enumerate(a['sides'].split(', ')) if side.startswith(name)]
+        chosen = [number for number, side in enumerate(a['sides'].split(', '))
+                  if side.startswith(name)]
         mine = np.isin(dataset['curve_number'].values, chosen)
         points = np.column_stack([dataset[f'curve_{axis}'].values for axis in
                                   ('phase', 'velocity')])
@@ -54,7 +55,7 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         grazing = mine & (dataset['curve_grazes'].values == 1) & (
             dataset['curve_wall'].values == wall)
         for factor in (1.0, after):
-            axes.add_collection(LineCollection(steps * (1.0, factor), colors=colour,
+            axes.add_collection(LineCollection(list(steps * (1.0, factor)), colors=colour,
                                                linewidths=width, rasterized=True))
             axes.plot(points[grazing, 0], factor * points[grazing, 1], '.', color=colour,
                       markersize=2.5, rasterized=True)

@@ -218,7 +218,7 @@ def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str,
             if not (name.startswith('unstable') and other.startswith('stable')):
                 continue
             i, _, part = first_crossing(curve.walls, curve.points, curve.begins, stable.walls,
-                                        stable.points, stable.begins, 1)
+                                        stable.points, stable.begins)
             if i < 0:
                 continue
             place = curve.points[i - 1] + part * curve.steps[i - 1]

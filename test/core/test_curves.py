@@ -131,7 +131,7 @@ def test_boundary_crisis_of_the_henon_map(a: float, crosses: bool) -> None:
                                 1.0 / into**2, 2),
                         within(of_plane(functools.partial(before_henon, a=a))), impacts=16)
         met = first_crossing(attractor.walls, attractor.points, attractor.begins, boundary.walls,
-                             boundary.points, boundary.begins, 1)[0] >= 0
+                             boundary.points, boundary.begins)[0] >= 0
         assert not met or crosses
         if met:
             return

@@ -83,19 +83,19 @@ def find_cells(points: FloatArray, unstable: Curve, stable: Curve) -> list[Cell]
     sides: dict[int, tuple[int, FloatArray]] = {}
     for k in range(period):
         out = _first_piece(unstable, k, period)
-        mine = tuple(each[out] for each in (unstable.walls, unstable.points, unstable.begins))
-        met = first_crossing(*mine, stable.walls, stable.points, stable.begins, 1)
-        if met[0] < 0:
+        mine = unstable.points[out]
+        i, j, part = first_crossing(unstable.walls[out], mine, unstable.begins[out], stable.walls,
+                                    stable.points, stable.begins)
+        if i < 0:
             return []
-        i, j, part = met
         branch = int(stable.impacts[j]) % period
         back = _first_piece(stable, branch, period)
         if j >= back.stop:
             return []
-        corner = mine[1][i - 1] + part * unstable.steps[out][i - 1]
+        corner = mine[i - 1] + part * unstable.steps[out][i - 1]
         # Backwards the orbit is passed in the other direction.
         sides[k] = (-branch) % period, np.concatenate([
-            points[k:k + 1], mine[1][:i], corner[None], stable.points[back.start:j][::-1]])
+            points[k:k + 1], mine[:i], corner[None], stable.points[back.start:j][::-1]])
     cells, left = [], set(sides)
     while left:
         first = k = min(left)
@@ -134,15 +134,15 @@ def are_trapping(cells: list[Cell], map_on: Map) -> bool:
 
 @kernel
 def first_crossing(walls: IntArray, points: FloatArray, begins: npt.NDArray[np.bool_],
-                   other_walls: IntArray, others: FloatArray, other_begins: npt.NDArray[np.bool_],
-                   first: int) -> tuple[int, int, float]:
+                   other_walls: IntArray, others: FloatArray, other_begins: npt.NDArray[np.bool_]
+                   ) -> tuple[int, int, float]:
     """
-    Find the first step of a curve from `first` on that crosses another, and which step of it.
+    Find the first step of a curve that crosses another, and which step of it.
 
     Each is numbered by the point that it ends at; the third result is the part of the step [1].
     -1 where none does.
     """
-    for i in range(max(first, 1), len(points)):
+    for i in range(1, len(points)):
         if begins[i]:
             continue
         x, y = points[i - 1]
