@@ -34,7 +34,7 @@ from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters, Wall
 from ..core.orbits.branches import follow
-from ..core.orbits.cells import are_trapping, find_cells, first_crossing
+from ..core.orbits.cells import find_cells, first_crossing
 from ..core.orbits.curves import Curve, grow, impact_map, Segment, segments_of
 from ..core.orbits.manifolds import Saddle, saddle_of
 from ..core.orbits.orbit import close_orbit, Orbit
@@ -225,9 +225,9 @@ def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str,
             crossings.append((int(curve.walls[i]), *place.tolist()))
             lines.append(f'{name} crosses {other} at phase {place[0] % math.tau:.4f}, velocity '
                          f'{place[1]:.4f}')
-            found = find_cells(orbit.points, curve, stable) if saddle.turns == 1 else []
-            if are_trapping(found, impact_map(orbit.parameters.model)):
-                cells += found
+            if saddle.turns == 1:
+                cells += find_cells(orbit.points, curve, stable,
+                                    impact_map(orbit.parameters.model))
     if not crossings:
         lines.append('the manifolds do not cross each other at these lengths')
     lines.append(f'basin cells: {", ".join(f"{cell.sides} sides" for cell in cells) or "none"}')

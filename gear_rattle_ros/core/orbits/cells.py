@@ -72,52 +72,66 @@ def enclosed(x: FloatArray, y: FloatArray, outline: FloatArray) -> npt.NDArray[n
     return found
 
 
-def find_cells(points: FloatArray, unstable: Curve, stable: Curve) -> list[Cell]:
+def find_cells(points: FloatArray, unstable: Curve, stable: Curve, map_on: Map) -> list[Cell]:
     """
-    Find the cells that one side of each manifold of an orbit with these points bounds.
+    Find the basin cells that one side of each manifold of an orbit with these points bounds.
 
-    None where the unstable manifold does not meet the stable one within its first pieces. The
-    multipliers are positive.
+    The multipliers are positive.
     """
     period = len(points)
-    sides: dict[int, tuple[int, FloatArray]] = {}
-    for k in range(period):
-        out = _first_piece(unstable, k, period)
-        mine = unstable.points[out]
-        i, j, part = first_crossing(unstable.walls[out], mine, unstable.begins[out], stable.walls,
-                                    stable.points, stable.begins)
-        if i < 0:
-            return []
-        branch = int(stable.impacts[j]) % period
-        back = _first_piece(stable, branch, period)
-        if j >= back.stop:
-            return []
-        corner = mine[i - 1] + part * unstable.steps[out][i - 1]
-        # Backwards the orbit is passed in the other direction.
-        sides[k] = (-branch) % period, np.concatenate([
-            points[k:k + 1], mine[:i], corner[None], stable.points[back.start:j][::-1]])
-    cells, left = [], set(sides)
+    pieces = [_first_piece(stable, k, period) for k in range(period)]
+    # Shortest stable sides first.
+    for most in range(0, int(stable.impacts.max()) + 1, period):
+        near = np.concatenate([each[stable.impacts[each] <= most + period - 1]
+                               for each in pieces])
+        sides = [_side(points, k, unstable, stable, near) for k in range(period)]
+        met = [side for side in sides if side is not None]
+        if len(met) == period and len({end for end, _ in met}) == period:
+            cells = _polygons(met, stable.walls[[each[0] for each in pieces]], period)
+            if are_trapping(cells, map_on):
+                return cells
+    return []
+
+
+def _side(points: FloatArray, k: int, unstable: Curve, stable: Curve, near: IntArray
+          ) -> tuple[int, FloatArray] | None:
+    # From one point of the orbit along both manifolds to another.
+    out = _first_piece(unstable, k, len(points))
+    mine = unstable.points[out]
+    i, j, part = first_crossing(unstable.walls[out], mine, unstable.begins[out],
+                                stable.walls[near], stable.points[near], stable.begins[near])
+    if i < 0:
+        return None
+    corner = mine[i - 1] + part * unstable.steps[out][i - 1]
+    branch = int(stable.impacts[near[j]]) % len(points)
+    back = near[:j][stable.impacts[near[:j]] % len(points) == branch]
+    # Backwards the orbit is passed in the other direction.
+    return (-branch) % len(points), np.concatenate([
+        points[k:k + 1], mine[:i], corner[None], stable.points[back][::-1]])
+
+
+def _polygons(sides: list[tuple[int, FloatArray]], walls: IntArray, period: int) -> list[Cell]:
+    # Each side leads from the point of its number to another, all of them in cycles.
+    cells, left = [], set(range(period))
     while left:
         first = k = min(left)
         outline = []
         while k in left:
             left.remove(k)
-            k, side = sides[k]
+            end, side = sides[k]
             outline.append(side)
-        if k != first:
-            return []
+            k = end
         path = np.concatenate(outline)
         path[:, 0] = path[0, 0] + np.append(0.0, np.cumsum(turn(np.diff(path[:, 0]))))
-        cells.append(Cell(int(unstable.walls[_first_piece(unstable, first, period)][0]), path,
-                          2 * len(outline)))
+        cells.append(Cell(int(walls[-first % period]), path, 2 * len(outline)))
     return cells
 
 
-def _first_piece(curve: Curve, branch: int, period: int) -> slice:
-    # Up to the first cut of a branch; its points follow each other.
+def _first_piece(curve: Curve, branch: int, period: int) -> IntArray:
+    # Up to the first cut of a branch.
     mine = np.flatnonzero(curve.impacts % period == branch)
     cuts = np.flatnonzero(curve.begins[mine][1:])
-    return slice(int(mine[0]), int(mine[0]) + (int(cuts[0]) + 1 if len(cuts) else len(mine)))
+    return mine[:cuts[0] + 1] if len(cuts) else mine
 
 
 def are_trapping(cells: list[Cell], map_on: Map) -> bool:
