@@ -26,7 +26,7 @@ from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.lanes import make_initial_conditions
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.core.orbits.cells import first_crossing
+from gear_rattle_ros.core.orbits.cells import find_cells, first_crossing
 from gear_rattle_ros.core.orbits.curves import (
     Curve,
     grow,
@@ -200,3 +200,31 @@ def test_labels_on_both_sides_of_a_smooth_boundary() -> None:
             for points in (curve.points[drawn] + aside, curve.points[drawn] - aside))
         assert np.mean(here != there) >= 0.999
         assert set(here.tolist()) | set(there.tolist()) == {0, -1}
+
+
+def test_a_polygon_that_manifolds_bound_is_a_basin_cell_if_its_image_lies_in_it() -> None:
+    """A quarter of a disc: two sides, one map that halves it, and one that moves it out."""
+    angle = np.linspace(0.0, 0.6 * np.pi, 400)
+    out = np.concatenate([np.column_stack([np.linspace(0.0, 1.0, 50)[1:-1], np.zeros(48)]),
+                          np.column_stack([np.cos(angle), np.sin(angle)])])
+    back = np.column_stack([np.zeros(99), np.linspace(0.0, 2.0, 100)[1:]])
+    unstable, stable = (Curve(
+        np.zeros(len(points), np.int64), points, np.zeros(len(points), np.int64),
+        np.linspace(0.0, 1.0, len(points)), np.arange(len(points)) == 0,
+        np.zeros(len(points), np.bool_)) for points in (out, back))
+
+    def shrink(walls: npt.NDArray[np.int64], points: Array, times: int
+               ) -> tuple[npt.NDArray[np.int64], Array]:
+        return walls, 0.1 + 0.5 * points
+
+    cells = find_cells(np.zeros((1, 2)), unstable, stable, shrink)
+    assert [cell.sides for cell in cells] == [2]
+    x, y = cells[0].outline.T
+    assert 0.5 * abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) == pytest.approx(
+        math.pi / 4.0, rel=1e-4)
+    inside = np.array([[0.5, 0.5], [0.8, 0.8], [0.5, 0.5 - 2.0 * math.pi], [0.5 - 2.0 * math.pi,
+                                                                           0.5]])
+    assert cells[0].contains(np.zeros(4, np.int64), inside).tolist() == [True, False, False, True]
+    assert not cells[0].contains(np.ones(4, np.int64), inside).any()
+    assert not find_cells(np.zeros((1, 2)), unstable, stable, lambda walls, points, times: (
+        walls, points + 1.0))
