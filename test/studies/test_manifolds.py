@@ -21,7 +21,11 @@ import pytest
 
 from gear_rattle_ros import manifolds, Parameters, Plane
 from gear_rattle_ros.cli.manifolds import main
+from gear_rattle_ros.core.orbits.cells import first_crossing
+from gear_rattle_ros.core.orbits.curves import grow, impact_map, segments_of
+from gear_rattle_ros.core.orbits.manifolds import saddle_of
 from gear_rattle_ros.studies.manifolds import describe, find_saddle
+from gear_rattle_ros.studies.tangency import carry, first_touch
 
 P = Parameters(0.48)
 B_AND_PARTNER = 'orbit-2-1-U5.4554+0.8585', 'orbit-2-1-U5.1744+0.8226'
@@ -62,6 +66,31 @@ def test_dataset_of_manifolds(beside_b):
     apart = np.hypot(*(beside_b[f'curve_{axis}'].values[begins, None]
                        - beside_b[f'saddle_{axis}'].values for axis in ('phase', 'velocity')))
     assert len(begins) == 8 and np.max(np.min(apart, axis=1)) < 1e-5
+
+
+@pytest.mark.long
+def test_first_touch_is_where_the_curves_begin_to_cross():
+    """The signed gap and the curves themselves, which know nothing of it, agree to 1e-5."""
+    orbit = find_saddle(Parameters(0.445), point=(0, 0.3603, 0.3718))
+    touch = first_touch(orbit, 0.447, 0.455)
+    assert touch.alpha == pytest.approx(0.454425205, abs=2e-9)
+    for aside in (-1e-5, 1e-5):
+        saddle = saddle_of(carry(orbit, touch.alpha + aside))
+        unstable, stable = (grow(segment, impact_map(
+            saddle.orbit.parameters.model, backwards=backwards, fastest=6.0), impacts=impacts)
+            for name, segment, backwards, impacts in (
+                (*each, 33 if each[2] else 30) for each in segments_of(saddle))
+            if name in ('unstable +', 'stable -'))
+        met = first_crossing(unstable.walls, unstable.points, unstable.begins, stable.walls,
+                             stable.points, stable.begins)[0]
+        assert (met >= 0) == (aside > 0.0)
+
+
+def test_a_window_without_a_first_touch_is_refused():
+    """Fractal at both ends."""
+    orbit = find_saddle(P, key=B_AND_PARTNER[1])
+    with pytest.raises(ValueError, match='do not begin to cross between alpha = 0.479 and 0.48'):
+        first_touch(orbit, 0.479, 0.48)
 
 
 @pytest.mark.parametrize(('options', 'words'), [
