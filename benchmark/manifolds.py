@@ -16,7 +16,8 @@
 Seconds for manifolds of a hundred thousand points and more on one core.
 
 Beside them are the seconds of mapping the same points from the segment, each by itself, when it is
-known already which they are. Fails above 5 s for 100,000 points. Run: python benchmark/manifolds.py
+known already which they are. Fails above 5 s for 100,000 points.
+Run: python benchmark/manifolds.py
 """
 
 import sys

@@ -41,8 +41,9 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     figure = draw_basins(dataset, looks)
     axes = figure.axes[0]
     axes.images[0].set_alpha(0.35)
+    stable, mark = ('#4d4d4d', 'black') if looks.is_paper else (STABLE, MARK)
     wall, after = -int(a['displacement']), -float(a['restitution'])
-    for name, colour, width in (('stable', STABLE, 0.5), ('unstable', UNSTABLE, 0.7)):
+    for name, colour, width in (('stable', stable, 0.5), ('unstable', UNSTABLE, 0.7)):
         chosen = [number for number, side in enumerate(a['sides'].split(', '))
                   if side.startswith(name)]
         mine = np.isin(dataset['curve_number'].values, chosen)
@@ -62,14 +63,14 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for kind, marker in (('saddle', 'o'), ('crossing', 'x')):
         here = dataset[f'{kind}_wall'].values == wall
         axes.plot(dataset[f'{kind}_phase'].values[here], dataset[f'{kind}_velocity'].values[here],
-                  marker, color=MARK, markersize=7.0, markeredgewidth=2.0, zorder=4)
+                  marker, color=mark, markersize=7.0, markeredgewidth=2.0, zorder=4)
     axes.set_xlim(*a['phase_window'])
     axes.set_ylim(*a['velocity_window'])
     axes.legend(handles=[
         Line2D([], [], color=UNSTABLE, label='unstable manifold'),
-        Line2D([], [], color=STABLE, label='stable manifold'),
-        Line2D([], [], color=MARK, marker='o', linestyle='none', label='saddle'),
-        *([Line2D([], [], color=MARK, marker='x', linestyle='none', label='first crossing')]
+        Line2D([], [], color=stable, label='stable manifold'),
+        Line2D([], [], color=mark, marker='o', linestyle='none', label='saddle'),
+        *([Line2D([], [], color=mark, marker='x', linestyle='none', label='first crossing')]
           if len(dataset['crossing_wall']) else []),
         Line2D([], [], color=GREY, marker='.', linestyle='none', label='end at a grazing')],
         loc='upper right', fontsize=9, framealpha=0.9)

@@ -24,6 +24,7 @@ from . import basins
 from .tangency import first_touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
+from ..attractors.engine import run_tiles
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray, IntArray
@@ -108,7 +109,8 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
         saddle=saddle.orbit.name, length=length, precision=precision,
         touch=list(touch or ()))
     if not store.has_table('curve_wall'):
-        _write(store, saddle, catalogue, _grow_all(saddle, plane, length, precision, work))
+        curves = _grow_all(saddle, plane, length, precision, work)
+        _write(store, saddle, catalogue, curves, work.threads)
     if touch is not None and 'touch_alpha' not in store.attrs:
         with work.report('first touch', 70, uneven=True) as progress:
             found = first_touch(saddle.orbit, *touch, searched=progress.add)
@@ -200,15 +202,18 @@ def _grow_all(saddle: Saddle, plane: Plane, length: float, precision: float, wor
             curves[segments[number][0]] = curve
             progress.add(1, len(curve.walls))
 
-        work.run(fill, list(range(len(segments))), finished)
+        # They are too quick for a cluster.
+        run_tiles(fill, range(len(segments)), finished, threads=work.threads)
     return {name: curves[name] for name, _, _ in segments}
 
 
-def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str, Curve]) -> None:
+def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str, Curve],
+           threads: int | None) -> None:
     orbit = saddle.orbit
     lines, crossings, cells = [], [], []
     for name, segment, backwards in segments_of(saddle):
-        curve, leads = curves[name], '' if backwards else f'; {leads_to(segment, catalogue)}'
+        curve = curves[name]
+        leads = '' if backwards else f'; {leads_to(segment, catalogue, threads)}'
         lines.append(
             f'{name}: length {curve.length:.1f}, {counted(len(curve.walls), "point")} in '
             f'{counted(int(curve.begins.sum()), "piece")}, after at most '
@@ -268,7 +273,7 @@ def _all(curves: dict[str, Curve], name: str) -> Any:
     return np.concatenate([getattr(curve, name) for curve in curves.values()])
 
 
-def leads_to(segment: Segment, catalogue: Catalogue) -> str:
+def leads_to(segment: Segment, catalogue: Catalogue, threads: int | None = None) -> str:
     """
     Put in words on which attractors one period of an unstable manifold settles.
 
@@ -277,7 +282,7 @@ def leads_to(segment: Segment, catalogue: Catalogue) -> str:
     walls, points = segment.at((np.arange(LABELLED) + 0.5) / LABELLED)
     labels, numbers = np.unique(catalogue.label(make_initial_conditions(
         catalogue.parameters, np.mod(points[:, 0], math.tau), -1.0 * walls,
-        points[:, 1]))['label'], return_counts=True)
+        points[:, 1]), threads=threads)['label'], return_counts=True)
     titles = {each.label: each.title for each in catalogue.attractors} | {UNSETTLED: 'unsettled'}
     if len(labels) == 1 and labels[0] != UNSETTLED:
         return f'leads to {titles[labels[0]]} alone: the saddle is accessible from its basin'

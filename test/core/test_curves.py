@@ -222,8 +222,8 @@ def test_a_polygon_that_manifolds_bound_is_a_basin_cell_if_its_image_lies_in_it(
     x, y = cells[0].outline.T
     assert 0.5 * abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) == pytest.approx(
         math.pi / 4.0, rel=1e-4)
-    inside = np.array([[0.5, 0.5], [0.8, 0.8], [0.5, 0.5 - 2.0 * math.pi], [0.5 - 2.0 * math.pi,
-                                                                           0.5]])
+    turned = 0.5 - 2.0 * math.pi
+    inside = np.array([[0.5, 0.5], [0.8, 0.8], [0.5, turned], [turned, 0.5]])
     assert cells[0].contains(np.zeros(4, np.int64), inside).tolist() == [True, False, False, True]
     assert not cells[0].contains(np.ones(4, np.int64), inside).any()
     assert not find_cells(np.zeros((1, 2)), unstable, stable, lambda walls, points, times: (
