@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .studies.crisis import crisis as crisis
     from .studies.exponents import exponents as exponents
     from .studies.lifetimes import lifetimes as lifetimes
+    from .studies.manifolds import manifolds as manifolds
     from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.section import section as section
@@ -52,9 +53,9 @@ if TYPE_CHECKING:
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
-    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion',
-    'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions',
-    '__version__',
+    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'manifolds',
+    'motion', 'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section',
+    'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -69,8 +70,8 @@ MODULES = {
     'figures.draw': ['draw', 'save'],
     'store.store': ['open_dataset'],
     **{f'studies.{name}': [name] for name in (
-        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion', 'orbit_diagram',
-        'section', 'transitions')},
+        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'manifolds', 'motion',
+        'orbit_diagram', 'section', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

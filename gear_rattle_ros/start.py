@@ -58,6 +58,7 @@ GROUPS = {
         'basins': ('cli.basins', 'find on which attractor each initial condition settles'),
         'lifetimes': ('cli.lifetimes', 'find how long transients last'),
         'exponents': ('cli.exponents', 'find how fast neighbouring trajectories diverge'),
+        'manifolds': ('cli.manifolds', 'draw the manifolds of a saddle over the basins'),
         'section': ('cli.section', 'count impacts on the Poincare section'),
         'motion': ('cli.motion', 'sample the motion between the walls'),
         'orbit_diagram': ('cli.orbit_diagram', 'count impact velocities against alpha'),

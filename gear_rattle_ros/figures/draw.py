@@ -34,6 +34,7 @@ PICTURES: Final = {
     'crisis': {'': 'crisis.draw_law'},
     'exponents': {'': 'grids.draw_exponents'},
     'lifetimes': {'': 'grids.draw_lifetimes', 'survival': 'grids.draw_survival'},
+    'manifolds': {'': 'manifolds.draw_manifolds'},
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'section': {'': 'section.draw_section'},

@@ -14,7 +14,7 @@
 
 """On which attractor every initial condition of a grid settles, and how soon."""
 
-from typing import Final, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
@@ -68,14 +68,14 @@ def basins(parameters: Parameters, plane: Plane | None = None, *, cap: int = BAS
 def compute_basins(parameters: Parameters, plane: Plane, work: Work, *, cap: int,
                    tolerance: float, initial_conditions: int, seed: int, hold: int,
                    chaotic: bool = True, tile: int | None = None, name: str = NAME,
-                   title: str = TITLE) -> tuple[Store, Catalogue]:
+                   title: str = TITLE, **others: Any) -> tuple[Store, Catalogue]:
     """Compute a grid into a store; return it with all attractors."""
-    # Where not `chaotic`, only orbits and rest end a transient.
+    # Where not `chaotic`, only orbits and rest end a transient. `others` are part of the question.
     attractors.require_tolerance(tolerance)
     identity = attractors.identity_of(
         name, parameters, plane, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, chaotic=chaotic,
-        size=[plane.phases, plane.velocities])
+        size=[plane.phases, plane.velocities], **others)
     store = work.begin(grid_layout(plane, identity, title, cap, tile))
     catalogue = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,

@@ -272,6 +272,22 @@ def _own(saddle: Saddle, inside: float, outside: float) -> Contact | None:
         return None
 
 
+def first_touch(orbit: Orbit, low: float, high: float,
+                searched: Callable[[int], None] = lambda count: None) -> Tangency:
+    """
+    Find the alpha between two others at which the manifolds of a saddle first touch each other.
+
+    A boundary of basins on which the saddle lies is smooth on one side of it and fractal on the
+    other. ValueError where they cross at both ends or at neither.
+    """
+    for inside, outside in ((low, high), (high, low)):
+        contact = _own(saddle_of(carry(orbit, inside)), inside, outside)
+        if contact:
+            return find_tangency(contact, inside, outside, searched)
+    raise ValueError(f'the manifolds of the orbit {orbit.name} do not begin to cross between '
+                     f'alpha = {low:g} and {high:g}; give a window at one end of which they cross')
+
+
 def _sides(saddle: Saddle) -> tuple[Saddle, ...]:
     # Trajectories beside an orbit that changes sides are on both.
     return (saddle,) if saddle.turns == 2 else (saddle, saddle.other_side)

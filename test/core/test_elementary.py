@@ -187,6 +187,20 @@ def test_relaxation_functions_of_every_damping() -> None:
         assert ulps(second, (x - fall) / b) < 8.0
 
 
+def test_relaxation_backwards() -> None:
+    """E, B and C of a negative damping, which grow, are as good."""
+    rng = np.random.default_rng(10)
+    for d, growth in zip(sample(1e-9, 400.0, 200), 10.0**rng.uniform(-9.0, 2.7, 200), strict=True):
+        beta = -growth / float(d)
+        x, b = mp.mpf(float(d)), mp.mpf(beta)
+        rise = -mp.expm1(-b * x) / b
+        decay, integral, second = relaxation(float(d), beta)
+        allowed = 1.5 + growth
+        assert ulps(decay, mp.exp(-b * x)) < allowed
+        assert ulps(integral, rise) < allowed + 1.5
+        assert ulps(second, (x - rise) / b) < allowed + 6.0
+
+
 @pytest.mark.parametrize('d', [0.0, 1e-300, 1e-9, 0.7, 300.0])
 @pytest.mark.parametrize('beta', [0.0, 5e-324, 1e-300, 1e-30])
 def test_relaxation_without_damping(d: float, beta: float) -> None:

@@ -36,6 +36,7 @@ COMMANDS = {
     'continuation': '--alpha 0.48 0.5 --columns 3 --trajectories 4 --keep 32 --hold 1000',
     'exponents': '--size 12 --impacts 5',
     'lifetimes': f'--size 12 --alpha 1.244 {SEARCH}',
+    'manifolds': f'--orbit orbit-2-1-U5.4554+0.8585 --length 3 --size 12 {SEARCH}',
     'motion': f'--periods 2 {SEARCH}',
     'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
     'section': '--alpha 0.57 --trajectories 4 --skip 50 --keep 50 --bins 200 200',

@@ -24,12 +24,12 @@ import time
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import continuation, crisis, orbit_diagram, transitions
+from gear_rattle_ros.cli import continuation, crisis, manifolds, orbit_diagram, transitions
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
-         'crisis': crisis.main, 'transitions': transitions.main}
+         'crisis': crisis.main, 'manifolds': manifolds.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
     'orbit_diagram': ('--alpha 0.48 0.52 --columns 64 --bins 300 --trajectories 32 --skip 3000 '
@@ -38,6 +38,8 @@ TOOLS = {
                      '1e-3', 8, ('count', 'share', 'event_alpha')),
     'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48,
                ('lifetime', 'fate', 'escape_rate')),
+    'manifolds': ('--orbit orbit-2-1-U5.4554+0.8585 --length 20 --size 400', 16,
+                  ('label', 'curve_phase', 'crossing_velocity')),
     'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '
                     '1000', 2, ('alpha', 'alpha_error', 'kind', 'ratio')),
 }

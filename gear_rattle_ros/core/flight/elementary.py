@@ -168,7 +168,7 @@ def length(x: float, y: float) -> float:
 
 @kernel
 def relaxation_series(x: float) -> float:
-    """Sum ``(exp(-x) - 1 + x)/x^2`` for x in [0, 1], even and odd terms apart for speed."""
+    """Sum ``(exp(-x) - 1 + x)/x^2`` for x in [-1, 1], even and odd terms apart for speed."""
     y = x * x
     return (
         1.0 / 2 + y * (1.0 / 24 + y * (1.0 / 720 + y * (1.0 / 40320 + y * (
@@ -183,8 +183,9 @@ def relaxation_series(x: float) -> float:
 @kernel
 def relaxation(d: float, beta: float) -> tuple[float, float, float]:
     """Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``, for d >= 0."""
+    # A flight backwards has a negative beta; x from -700 on.
     x = beta * d
-    if x < 1.0:
+    if abs(x) < 1.0:
         second = relaxation_series(x)
         first = 1.0 - x * second
         return 1.0 - x * first, d * first, d * d * second

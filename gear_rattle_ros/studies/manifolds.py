@@ -1,0 +1,300 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The stable and unstable manifolds of a saddle, over the basins that they bound."""
+
+import math
+import re
+from typing import Any, Final, Unpack
+
+import numpy as np
+
+from . import basins
+from .tangency import first_touch
+from .work import Arrays, Study, Work, WorkOptions
+from ..attractors.catalogue import Catalogue
+from ..attractors.engine import run_tiles
+from ..attractors.listing import named
+from ..attractors.plane import Plane
+from ..core.arrays import FloatArray, IntArray
+from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
+from ..core.flight.closed_form import NO_WALL
+from ..core.flight.inverse import require_inverse
+from ..core.flight.lanes import make_initial_conditions
+from ..core.many.settling import UNSETTLED
+from ..core.model import Parameters, Wall
+from ..core.orbits.branches import follow
+from ..core.orbits.cells import find_cells, first_crossing
+from ..core.orbits.curves import Curve, grow, impact_map, Segment, segments_of
+from ..core.orbits.manifolds import Saddle, saddle_of
+from ..core.orbits.orbit import close_orbit, Orbit
+from ..core.words import counted
+from ..store.store import Store
+
+NAME: Final = 'manifolds'
+TITLE: Final = 'Manifolds of a saddle of the gear-rattling model'
+# Impacts of a period at most, where none is given.
+LONGEST: Final = 24
+# An orbit is sought this far from a point [rad, 1], and from one that a key names.
+REACH: Final = 0.3
+NAMED: Final = 2e-4
+# How far in alpha an orbit is followed to the saddle that was born with it [1].
+BEYOND: Final = 0.3
+# Points of the unstable manifold whose attractors are found.
+LABELLED: Final = 200
+# Curves are followed to this many times the largest speed of the plane.
+FASTER: Final = 3.0
+KEY: Final = re.compile(r'(?:orbit-)?(\d+)-(\d+)-([UL])([\d.]+)([-+][\d.]+)')
+
+
+@Study
+def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str | None = None,
+              point: tuple[float, float, float] | None = None, period: int | None = None,
+              length: float = 200.0, precision: float = 1e-3,
+              touch: tuple[float, float] | None = None, cap: int = BASINS_CAP,
+              tolerance: float = TOLERANCE, initial_conditions: int = INITIAL_CONDITIONS,
+              seed: int = SEED, hold: int = HOLD, tile: int | None = None,
+              **options: Unpack[WorkOptions]) -> Store:
+    """
+    Draw the manifolds of a saddle as curves, over the basins.
+
+    The dataset is that of `basins`, with the points of the curves, the saddle, and where the
+    manifolds cross.
+
+    Parameters
+    ----------
+    parameters, plane
+        The model and the cells of the basins; their displacement is that of a wall.
+    orbit : str, optional
+        The key of the saddle; of a stable orbit that of the saddle that was born with it.
+    point : tuple of float, optional
+        Wall (0 upper, 1 lower), phase [rad] and velocity before the impact [1] near the saddle.
+    period : int, optional
+        Impacts of a period of the orbit near the point; the nearest one by default.
+    length : float
+        Length of each side of a manifold [1], nearly.
+    precision : float
+        Bound of the distance between neighbours times the angle between them [1].
+    touch : tuple of float, optional
+        Two amplitudes between which the manifolds first touch.
+    cap, tolerance, initial_conditions, seed, hold, tile
+        As `basins` takes them.
+
+    """
+    plane = plane or Plane()
+    require_inverse(parameters)
+    if plane.displacement not in (0.0, -1.0):
+        raise ValueError(f'displacement = {plane.displacement:g} is between the walls, where no '
+                         'impact is; give 0 or -1')
+    for name, value, low, high in (('length', length, 1e-3, 1e5),
+                                   ('precision', precision, 1e-6, 0.1)):
+        if not low <= value <= high:
+            raise ValueError(f'{name} = {value:g} is not between {low:g} and {high:g}')
+    saddle = saddle_of(find_saddle(parameters, orbit, point, period))
+    work = Work(**options)
+    store, catalogue = basins.compute_basins(
+        parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
+        initial_conditions=initial_conditions, tile=tile, name=NAME, title=TITLE,
+        saddle=saddle.orbit.name, length=length, precision=precision,
+        touch=list(touch or ()))
+    if not store.has_table('curve_wall'):
+        curves = _grow_all(saddle, plane, length, precision, work)
+        _write(store, saddle, catalogue, curves, work.threads)
+    if touch is not None and 'touch_alpha' not in store.attrs:
+        with work.report('first touch', 70, uneven=True) as progress:
+            found = first_touch(saddle.orbit, *touch, searched=progress.add)
+        store.set_attributes({'touch_alpha': found.alpha, 'touch_error': found.uncertainty})
+    return store
+
+
+def find_saddle(parameters: Parameters, key: str | None = None,
+                point: tuple[float, float, float] | None = None, period: int | None = None
+                ) -> Orbit:
+    """Find the saddle that a key names, or one near a point; ValueError where there is none."""
+    if (key is None) == (point is None):
+        raise ValueError('give either --orbit KEY or --point WALL PHASE VELOCITY')
+    if key is not None:
+        read = KEY.fullmatch(key)
+        if not read:
+            raise ValueError(f'--orbit {key} is no key of an orbit, such as '
+                             'orbit-2-1-U5.1744+0.8226; attractors lists those of stable ones')
+        wall, period = int(read[3] == 'L'), int(read[1])
+        found = _close(parameters, wall, float(read[4]), float(read[5]), period, NAMED)
+        if found is None:
+            raise ValueError(f'--orbit {key}: there is no such orbit at alpha = '
+                             f'{parameters.alpha:g}; its key has four digits of its first point')
+        return partner_of(found) if found.is_stable else found
+    assert point is not None
+    wall = int(point[0])
+    if point[0] not in tuple(Wall) or math.copysign(1.0, point[2]) != 1.0 - 2.0 * wall:
+        raise ValueError(f'--point {point[0]:g} {point[1]:g} {point[2]:g}: the wall is 0 (upper) '
+                         'with a positive velocity or 1 (lower) with a negative one')
+    orbits = [each for q in ([period] if period else range(1, LONGEST + 1))
+              if (each := _close(parameters, wall, point[1], point[2], q, REACH))
+              and not each.is_stable and each.multipliers[0].imag == 0.0]
+    if not orbits:
+        raise ValueError(f'no saddle is near the point {point[1]:g} {point[2]:g}, of '
+                         f'{counted(period or LONGEST, "impact")}{"" if period else " at most"}; '
+                         'give a nearer point or --period')
+    return min(orbits, key=lambda each: float(np.min(np.hypot(
+        *(each.points[each.walls == wall] - point[1:]).T))))
+
+
+def _close(parameters: Parameters, wall: int, phase: float, velocity: float, period: int,
+           reach: float) -> Orbit | None:
+    # The orbit of that many impacts through a point; its other points are found on the way.
+    map_on = impact_map(parameters.model)
+    walls, points = np.array([wall]), np.array([[phase, velocity]])
+    passed = []
+    for _ in range(period):
+        passed.append((int(walls[0]), *points[0].tolist()))
+        walls, points = map_on(walls, points, 1)
+    rows = np.array(passed)
+    if NO_WALL in rows[:, 0]:
+        return None
+    # The later points of a saddle are off by more.
+    found = close_orbit(rows[:, 0].astype(np.int64), rows[:, 1:], parameters, REACH)
+    if found is None or found.impacts != period:
+        return None
+    near = (found.walls == wall) & (np.hypot(*(found.points - (phase, velocity)).T) <= reach)
+    return found.canonical() if near.any() else None
+
+
+def partner_of(orbit: Orbit) -> Orbit:
+    """Find the saddle that was born with a stable orbit, where its branch has turned round."""
+    alpha = orbit.parameters.alpha
+    for direction in (-1.0, 1.0):
+        branch = follow(orbit, direction, max(0.0, alpha - BEYOND), alpha + BEYOND).orbits
+        offsets = np.array([each.parameters.alpha - alpha for each in branch])
+        for k in np.flatnonzero(offsets[1:] * offsets[:-1] < 0.0):
+            found = close_orbit(branch[k].walls, branch[k].points, orbit.parameters)
+            if found is not None and not found.is_stable:
+                return found.canonical()
+    raise ValueError(f'the orbit {orbit.name} is stable, and its branch within {BEYOND:g} of '
+                     f'alpha = {alpha:g} shows no saddle born with it; give the --point of one')
+
+
+def _grow_all(saddle: Saddle, plane: Plane, length: float, precision: float, work: Work
+              ) -> dict[str, Curve]:
+    model = saddle.orbit.parameters.model
+    fastest = FASTER * max(map(abs, plane.velocity))
+    segments = segments_of(saddle)
+    curves: dict[str, Curve] = {}
+
+    def fill(number: int) -> Curve:
+        _, segment, backwards = segments[number]
+        return grow(segment, impact_map(model, backwards=backwards, fastest=fastest),
+                    length=length, tolerance=precision)
+
+    with work.report('curves', len(segments)) as progress:
+        def finished(number: int, curve: Curve) -> None:
+            curves[segments[number][0]] = curve
+            progress.add(1, len(curve.walls))
+
+        # They are too quick for a cluster.
+        run_tiles(fill, range(len(segments)), finished, threads=work.threads)
+    return {name: curves[name] for name, _, _ in segments}
+
+
+def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str, Curve],
+           threads: int | None) -> None:
+    orbit = saddle.orbit
+    lines, crossings, cells = [], [], []
+    for name, segment, backwards in segments_of(saddle):
+        curve = curves[name]
+        leads = '' if backwards else f'; {leads_to(segment, catalogue, threads)}'
+        lines.append(
+            f'{name}: length {curve.length:.1f}, {counted(len(curve.walls), "point")} in '
+            f'{counted(int(curve.begins.sum()), "piece")}, after at most '
+            f'{counted(int(curve.impacts.max()), "impact")}{leads}')
+    for name, curve in curves.items():
+        for other, stable in curves.items():
+            if not (name.startswith('unstable') and other.startswith('stable')):
+                continue
+            i, _, part = first_crossing(curve.walls, curve.points, curve.begins, stable.walls,
+                                        stable.points, stable.begins)
+            if i < 0:
+                continue
+            place = curve.points[i - 1] + part * curve.steps[i - 1]
+            crossings.append((int(curve.walls[i]), *place.tolist()))
+            lines.append(f'{name} crosses {other} at phase {place[0] % math.tau:.4f}, velocity '
+                         f'{place[1]:.4f}')
+            if saddle.turns == 1:
+                cells += find_cells(orbit.points, curve, stable,
+                                    impact_map(orbit.parameters.model))
+    if not crossings:
+        lines.append('the manifolds do not cross each other at these lengths')
+    lines.append(f'basin cells: {", ".join(f"{cell.sides} sides" for cell in cells) or "none"}')
+    store.set_attributes({
+        'orbit': orbit.key, 'curves': '\n'.join(lines), 'sides': ', '.join(curves),
+        'multipliers': orbit.multipliers.real.tolist()})
+    store.write_table({
+        f'{kind}_{name}': ((kind,), values, named(words, units))
+        for kind, name, values, words, units in (
+            *_columns('curve', [(number, curve.walls, curve.points)
+                                for number, curve in enumerate(curves.values())],
+                      'side: number in `sides`'),
+            ('curve', 'impacts', _all(curves, 'impacts'), 'impacts from the saddle', '1'),
+            ('curve', 'begins', _all(curves, 'begins').astype(np.int8), '1 where a piece begins',
+             '1'),
+            ('curve', 'grazes', _all(curves, 'grazes').astype(np.int8),
+             '1 where a piece begins or ends as its flight grazes a wall', '1'),
+            *_columns('saddle', [(0, orbit.walls, orbit.points)], ''),
+            *_columns('crossing', [(0, np.array([wall]), np.array([place]))
+                                   for wall, *place in crossings], ''),
+            *_columns('cell', [(number, np.full(len(cell.outline), cell.wall), cell.outline)
+                               for number, cell in enumerate(cells)], 'number of the cell'))})
+
+
+def _columns(kind: str, parts: list[tuple[int, IntArray, FloatArray]], owner: str
+             ) -> list[tuple[str, str, Any, str, str]]:
+    # Rows of points on the section.
+    owners = np.repeat([number for number, _, _ in parts], [len(walls) for _, walls, _ in parts])
+    walls = np.concatenate([np.zeros(0, np.int64), *(walls for _, walls, _ in parts)])
+    points = np.concatenate([np.zeros((0, 2)), *(points for _, _, points in parts)])
+    columns = [(kind, 'wall', walls, 'wall: 0 upper, 1 lower', '1'),
+               (kind, 'phase', np.mod(points[:, 0], math.tau), 'drive phase of the impact', 'rad'),
+               (kind, 'velocity', points[:, 1], 'velocity before the impact', '1')]
+    return columns + ([(kind, 'number', owners.astype(np.int64), owner, '1')] if owner else [])
+
+
+def _all(curves: dict[str, Curve], name: str) -> Any:
+    return np.concatenate([getattr(curve, name) for curve in curves.values()])
+
+
+def leads_to(segment: Segment, catalogue: Catalogue, threads: int | None = None) -> str:
+    """
+    Put in words on which attractors one period of an unstable manifold settles.
+
+    Where that is one alone, the saddle is accessible from its basin: along this manifold.
+    """
+    walls, points = segment.at((np.arange(LABELLED) + 0.5) / LABELLED)
+    labels, numbers = np.unique(catalogue.label(make_initial_conditions(
+        catalogue.parameters, np.mod(points[:, 0], math.tau), -1.0 * walls,
+        points[:, 1]), threads=threads)['label'], return_counts=True)
+    titles = {each.label: each.title for each in catalogue.attractors} | {UNSETTLED: 'unsettled'}
+    if len(labels) == 1 and labels[0] != UNSETTLED:
+        return f'leads to {titles[labels[0]]} alone: the saddle is accessible from its basin'
+    return 'leads to ' + ', '.join(f'{titles.get(label, label)} ({100.0 * part / LABELLED:.1f} %)'
+                                   for label, part in zip(labels.tolist(), numbers, strict=True))
+
+
+def describe(dataset: Arrays) -> str:
+    """Put the curves, where they lead and cross, and the basins in words."""
+    a = dataset.attrs
+    first, second = a['multipliers']
+    touch = (f'\nthe manifolds first touch at alpha = {a["touch_alpha"]:.9f} +- '
+             f'{a["touch_error"]:.1e}' if 'touch_alpha' in a else '')
+    return (f'saddle {a["orbit"]}: multipliers {first:.6g} and {second:.6g}\n{a["curves"]}{touch}'
+            f'\n{basins.describe(dataset)}')
