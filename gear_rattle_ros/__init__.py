@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .figures.draw import draw as draw, save as save
     from .store.store import open_dataset as open_dataset
     from .studies.basins import basins as basins
+    from .studies.boundary import boundary as boundary
     from .studies.continuation import continuation as continuation
     from .studies.crisis import crisis as crisis
     from .studies.exponents import exponents as exponents
@@ -52,9 +53,9 @@ if TYPE_CHECKING:
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
-    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion',
-    'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions',
-    '__version__',
+    'boundary', 'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes',
+    'motion', 'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section',
+    'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -69,8 +70,8 @@ MODULES = {
     'figures.draw': ['draw', 'save'],
     'store.store': ['open_dataset'],
     **{f'studies.{name}': [name] for name in (
-        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion', 'orbit_diagram',
-        'section', 'transitions')},
+        'basins', 'boundary', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion',
+        'orbit_diagram', 'section', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}
