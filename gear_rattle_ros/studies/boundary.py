@@ -39,7 +39,14 @@ from ..core.boundaries.entropy import (
 )
 from ..core.boundaries.uncertainty import count_cut, fit_power_law, PowerLaw, PROBES
 from ..core.boundaries.wada import merge_basins, refine_boundary
-from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
+from ..core.defaults import (
+    BASINS_CAP,
+    HOLD,
+    INITIAL_CONDITIONS,
+    LIFETIMES_CAP,
+    SEED,
+    TOLERANCE,
+)
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
@@ -64,6 +71,12 @@ REACH: Final = 0.05
 HALVINGS: Final = 10
 PAIRS: Final = 400
 SHARED: Final = 0.9
+# A coarse measure at each of many alphas: distances, relative error of the shares, cells along the
+# edge of the grid and of its boxes.
+COARSE: Final = (1e-8, 1e-2)
+COARSE_ERROR: Final = 0.1
+COARSE_GRID: Final = 150
+COARSE_EDGE: Final = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,6 +152,23 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
     _write_wada(store, plane, everywhere, seed)
     attractors.write_attractors(store, known)
     return store
+
+
+def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
+    """Return the exponent and S_bb of a boundary, each with its error, coarsely; nan for none."""
+    labels = Labels(known, plane.displacement, LIFETIMES_CAP)
+    plane = dataclasses.replace(plane, phases=COARSE_GRID, velocities=COARSE_GRID)
+    grid = labels(np.tile(plane.phase_values(), COARSE_GRID),
+                  np.repeat(plane.velocity_values(), COARSE_GRID))
+    if np.ptp(grid) == 0:
+        return math.nan, math.nan, math.nan, math.nan
+    entropy = basin_entropies(grid.reshape(COARSE_GRID, COARSE_GRID), (COARSE_EDGE,))[0]
+    random, sizes = np.random.default_rng(seed), distances_of(COARSE, 2)
+    counts = np.array([count_cut(labels, (plane.phase, plane.velocity), PROBES[0], size,
+                                 COARSE_ERROR, MOST, random) for size in sizes])
+    law = fit_power_law(sizes, *counts.T)
+    return (*((law.exponent, law.error) if law else (math.nan, math.nan)), entropy.boundary,
+            entropy.boundary_error)
 
 
 def distances_of(distances: tuple[float, float], per_decade: int) -> FloatArray:

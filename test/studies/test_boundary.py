@@ -14,15 +14,18 @@
 
 """Boundaries of the model: routes that agree, three basins, none at all."""
 
+import dataclasses
 import math
 import re
 
 import numpy as np
 import pytest
 
-from gear_rattle_ros import boundary, Parameters, Plane
+from gear_rattle_ros import boundary, find_attractors, Parameters, Plane
 from gear_rattle_ros.cli.boundary import main
-from gear_rattle_ros.studies.boundary import describe, law_of, PROBES
+from gear_rattle_ros.cli.continuation import main as follow
+from gear_rattle_ros.core.boundaries.uncertainty import count_cut
+from gear_rattle_ros.studies.boundary import describe, Labels, law_of, measure, PROBES
 
 QUICK = {'initial_conditions': 60, 'hold': 2000, 'cap': 4000}
 # An impact of B is in this window, in which all initial conditions settle alike.
@@ -54,6 +57,35 @@ def test_three_basins_share_one_boundary(tmp_path, capsys):
     assert 'Wada by grid refinement: passed' in said
     found = re.search(r'triplets: exponent (\S+) \+- (\S+),', said)
     assert 0.0 < float(found[1]) < 0.3 and float(found[2]) < 0.05
+
+
+def test_the_coarse_measure_agrees_with_boxes_of_two_edges():
+    """The slope between 1e-8 and 1e-2 at 0.48; and beyond the end of B there is no boundary."""
+    plane, random = Plane(), np.random.default_rng(5)
+    known = find_attractors(Parameters(alpha=0.48), plane.draw(Parameters(alpha=0.48), 60, 1),
+                            hold=2000)
+    exponent, error, entropy, _ = measure(known, plane, 1)
+    (small, first), (large, second) = (
+        count_cut(Labels(known, 0.0, 2000), (plane.phase, plane.velocity), 'box', size, 0.04,
+                  50_000, random) for size in (1e-8, 1e-2))
+    slope = math.log(large / second * first / small) / math.log(1e6)
+    assert exponent == pytest.approx(slope, abs=3.0 * math.hypot(error, 0.06 / math.log(1e6)))
+    assert 0.0 < entropy < math.log(2.0)
+    alone = dataclasses.replace(known, orbits=known.orbits[:1])
+    assert np.isnan(measure(alone, QUIET, 1)).all()
+
+
+@pytest.mark.long
+def test_a_continuation_carries_the_boundary_along(tmp_path, capsys):
+    """At 0.56 there are A and B, at 0.59 A alone."""
+    words = ('--boundary --alpha 0.56 0.59 --columns 2 --trajectories 32 --hold 2000 --tolerance '
+             '1e-3').split()
+    picture = tmp_path / 'a.png'
+    assert follow([*words, '--output', str(tmp_path / 'a.zarr'), '--picture', str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert picture.exists()
+    assert 'uncertainty exponent of the boundary: at 1 of 2 alphas, 0.1' in said
+    assert 'boundary basin entropy S_bb: at 1 of 2 alphas, 0.5' in said
 
 
 def test_where_there_is_no_boundary():
