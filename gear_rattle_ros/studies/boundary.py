@@ -24,7 +24,7 @@ import numpy as np
 
 from . import attractors
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Catalogue
+from ..attractors.catalogue import Catalogue, follow_here
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import Plane
@@ -48,7 +48,7 @@ from ..core.defaults import (
     TOLERANCE,
 )
 from ..core.flight.lanes import make_initial_conditions
-from ..core.many.settling import UNSETTLED
+from ..core.many.settling import RESULT, UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.layout import Axis, Layout, Variable
@@ -61,6 +61,7 @@ TITLE: Final = 'Basin boundary of the gear-rattling model'
 DECIDED: Final = 1e-12
 ROUNDING: Final = 1e-15
 MOST: Final = 200_000  # probes at one distance
+ROWS: Final = 40  # parts of the grid
 # Boxes and discs of the grid [cells], and the discs.
 EDGES: Final = (5, 10, 15, 20, 25)
 RADIUS: Final = 20
@@ -86,14 +87,13 @@ class Labels:
     known: Catalogue
     displacement: float
     cap: int
-    threads: int | None = 1
-    cluster: str | None = None
 
     def __call__(self, phases: FloatArray, velocities: FloatArray) -> IntArray:
         initial = make_initial_conditions(
             self.known.parameters, phases, self.displacement, velocities)
-        return np.asarray(self.known.label(
-            initial, self.cap, threads=self.threads, cluster=self.cluster)['label'], np.int64)
+        results = np.zeros(len(initial), RESULT)
+        follow_here(initial, self.cap, self.known.table, results)
+        return np.asarray(results['label'], np.int64)
 
 
 @Study
@@ -136,35 +136,33 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
     known = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
         hold=hold, threads=work.threads)
+    label = Labels(known, plane.displacement, cap)
     with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
-        work.run(functools.partial(
-            fill_tile, store.path, plane, Labels(known, plane.displacement, cap), error, seed),
-            pending, finished)
-    everywhere = Labels(known, plane.displacement, cap, work.threads, work.cluster)
+        work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
+                 pending, finished)
     if not store.has_table('label'):
-        _write_labels(store, plane, everywhere, work)
+        _write_labels(store, plane, label, work)
     laws = [law_of(store, probe) for probe in PROBES]
     store.write_table({name: (('probe',), [getattr(law, field, math.nan) for law in laws],
                               named(words)) for name, field, words in (
         ('exponent', 'exponent', 'exponent of the share of probes that are cut'),
         ('exponent_error', 'error', 'standard error of the exponent'))})
     _write_entropies(store, seed)
-    _write_wada(store, plane, everywhere, seed)
+    _write_wada(store, plane, label, seed)
     attractors.write_attractors(store, known)
     return store
 
 
 def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
     """Return the exponent and S_bb of a boundary, each with its error, coarsely; nan for none."""
-    labels = Labels(known, plane.displacement, LIFETIMES_CAP)
-    plane = dataclasses.replace(plane, phases=COARSE_GRID, velocities=COARSE_GRID)
-    grid = labels(np.tile(plane.phase_values(), COARSE_GRID),
-                  np.repeat(plane.velocity_values(), COARSE_GRID))
+    label = Labels(known, plane.displacement, LIFETIMES_CAP)
+    grid = label_cells(label, dataclasses.replace(
+        plane, phases=COARSE_GRID, velocities=COARSE_GRID), 1, 0)
     if np.ptp(grid) == 0:
         return math.nan, math.nan, math.nan, math.nan
-    entropy = basin_entropies(grid.reshape(COARSE_GRID, COARSE_GRID), (COARSE_EDGE,))[0]
+    entropy = basin_entropies(grid, (COARSE_EDGE,))[0]
     random, sizes = np.random.default_rng(seed), distances_of(COARSE, 2)
-    counts = np.array([count_cut(labels, (plane.phase, plane.velocity), PROBES[0], size,
+    counts = np.array([count_cut(label, (plane.phase, plane.velocity), PROBES[0], size,
                                  COARSE_ERROR, MOST, random) for size in sizes])
     law = fit_power_law(sizes, *counts.T)
     return (*((law.exponent, law.error) if law else (math.nan, math.nan)), entropy.boundary,
@@ -184,7 +182,7 @@ def distances_of(distances: tuple[float, float], per_decade: int) -> FloatArray:
     return high * 10.0**(-np.arange(count) / per_decade)
 
 
-def fill_tile(path: Path, plane: Plane, labels: Labels, error: float, seed: int, tile: int) -> int:
+def fill_tile(path: Path, plane: Plane, label: Labels, error: float, seed: int, tile: int) -> int:
     """Count the cut probes of one kind at one distance."""
     store = Store(path)
     place = store.tiles[tile]
@@ -193,7 +191,7 @@ def fill_tile(path: Path, plane: Plane, labels: Labels, error: float, seed: int,
     counts = 0, 0
     # Boxes of a last digit have corners that are the same.
     if size >= DECIDED or probe == 'triplet':
-        counts = count_cut(labels, (plane.phase, plane.velocity), probe, size, error, MOST,
+        counts = count_cut(label, (plane.phase, plane.velocity), probe, size, error, MOST,
                            np.random.default_rng([seed, tile]))
     store.write(tile, {name: np.full((1, 1), count)
                        for name, count in zip(('cut', 'probes'), counts, strict=True)})
@@ -221,16 +219,24 @@ ENTROPY: Final = {
     'entropy_boundary_error': 'its standard error'}
 
 
-def _write_labels(store: Store, plane: Plane, labels: Labels, work: Work) -> None:
-    rows = []
+def label_cells(label: Labels, plane: Plane, parts: int, part: int) -> IntArray:
+    """Label the rows of a part of a plane."""
+    velocities = np.array_split(plane.velocity_values(), parts)[part]
+    return label(np.tile(plane.phase_values(), len(velocities)),
+                 np.repeat(velocities, plane.phases)).reshape(-1, plane.phases)
+
+
+def _write_labels(store: Store, plane: Plane, label: Labels, work: Work) -> None:
+    grid: dict[int, IntArray] = {}
+    parts = min(plane.velocities, ROWS)
     with work.report(f'{NAME}, grid', plane.phases * plane.velocities) as progress:
-        for velocities in np.array_split(plane.velocity_values(), min(plane.velocities, 20)):
-            phases = plane.phase_values()
-            rows.append(labels(np.tile(phases, len(velocities)),
-                               np.repeat(velocities, len(phases))))
-            progress.add(len(rows[-1]))
-    store.write_table({'label': (('velocity', 'phase'), np.concatenate(rows).reshape(
-        plane.velocities, plane.phases).astype('<i2'), named(
+        def finished(part: int, labels: IntArray) -> None:
+            grid[part] = labels
+            progress.add(labels.size)
+
+        work.run(functools.partial(label_cells, label, plane, parts), list(range(parts)), finished)
+    store.write_table({'label': (('velocity', 'phase'), np.concatenate(
+        [grid[part] for part in range(parts)]).astype('<i2'), named(
         'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower wall, '
         '-4 between the walls'))})
 
@@ -251,11 +257,11 @@ def _write_entropies(store: Store, seed: int) -> None:
             'standard error'))})
 
 
-def _write_wada(store: Store, plane: Plane, labels: Labels, seed: int) -> None:
+def _write_wada(store: Store, plane: Plane, label: Labels, seed: int) -> None:
     grid = np.asarray(store.read_all('label'), np.int64)
-    basins = [label for label in np.unique(grid).tolist() if label != UNSETTLED]
+    basins = [basin for basin in np.unique(grid).tolist() if basin != UNSETTLED]
     merging = merge_basins(grid, basins, int(REACH * min(grid.shape)))
-    refined = refine_boundary(labels, (plane.phase, plane.velocity), grid, basins, HALVINGS,
+    refined = refine_boundary(label, (plane.phase, plane.velocity), grid, basins, HALVINGS,
                               PAIRS, np.random.default_rng(seed))
     store.write_table({
         'merging': (('cells',), np.array(merging.within), named(
