@@ -313,8 +313,8 @@ def _wada_in_words(dataset: Arrays) -> list[str]:
         f'Wada by merging: {"passed" if is_one else "failed"}, the boundaries of all basins are '
         + (f'within {counted(near, "cell")} of each other' if is_one else
            f'not, only {merging[-1]:.1%} of one are within {counted(near, "cell")}'),
-        f'Wada by grid refinement: {"passed" if is_shared else "failed"}, all basins are found '
-        f'between {refinement[-1]:.1%} of neighbouring cells in two basins']
+        f'Wada by grid refinement: {"passed" if is_shared else "failed"}, all basins lie between '
+        f'{refinement[-1]:.1%} of the pairs of neighbouring cells in two basins']
 
 
 def _layout(plane: Plane, sizes: FloatArray, identity: dict[str, object]) -> Layout:
