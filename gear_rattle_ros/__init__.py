@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .figures.draw import draw as draw, save as save
     from .store.store import open_dataset as open_dataset
     from .studies.basins import basins as basins
+    from .studies.boundary import boundary as boundary
     from .studies.continuation import continuation as continuation
     from .studies.crisis import crisis as crisis
     from .studies.exponents import exponents as exponents

@@ -56,6 +56,7 @@ GROUPS = {
     'offline studies': {
         'attractors': ('cli.attractors', 'find every attractor'),
         'basins': ('cli.basins', 'find on which attractor each initial condition settles'),
+        'boundary': ('cli.boundary', 'measure how fractal the boundary of basins is'),
         'lifetimes': ('cli.lifetimes', 'find how long transients last'),
         'exponents': ('cli.exponents', 'find how fast neighbouring trajectories diverge'),
         'manifolds': ('cli.manifolds', 'draw the manifolds of a saddle over the basins'),

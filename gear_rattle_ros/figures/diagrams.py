@@ -155,8 +155,9 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     alphas = dataset['alpha'].values
     shares = dataset['share'].values[0]
     count = dataset.attrs['trajectories']
-    figure = new_figure(LEFT + WIDTH + RIGHT, 560, looks)
-    axes = add_axes(figure, LEFT, BOTTOM, WIDTH, 560 - BOTTOM - TOP)
+    below = EXPONENT_HEIGHT + BOTTOM if 'boundary' in dataset.attrs else 0
+    figure = new_figure(LEFT + WIDTH + RIGHT, 560 + below, looks)
+    axes = add_axes(figure, LEFT, BOTTOM + below, WIDTH, 560 - BOTTOM - TOP)
     for mine, colour in _coloured(dataset, 0, looks):
         share = _of(mine, shares)
         error = np.sqrt(share * (1.0 - share) / count)
@@ -170,7 +171,23 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     style.write_title(figure, LEFT, looks.title or (
         'Shares of the attractors; fold solid, doubling dotted, crisis dashed'))
     _legend(axes, dataset, looks)
+    if below:
+        _draw_boundary(add_axes(figure, LEFT, BOTTOM, WIDTH, EXPONENT_HEIGHT), dataset)
     return figure
+
+
+def _draw_boundary(axes: Axes, dataset: 'xarray.Dataset') -> None:
+    """Draw the exponent and the entropy of the boundary between basins against alpha."""
+    alphas = dataset['alpha'].values
+    for name, mark, words in (('entropy', 'o', 'boundary basin entropy S_bb'),
+                              ('exponent', 's', 'uncertainty exponent')):
+        values, errors = (dataset[f'boundary_{name}{end}'].values[0] for end in ('', '_error'))
+        axes.errorbar(alphas, values, errors, fmt=f'{mark}-', markersize=3, linewidth=0.9,
+                      color=GREY if mark == 's' else 'black', label=words)
+    axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, None))
+    axes.set_xlabel(ALPHA_LABEL, fontsize=12)
+    axes.set_ylabel('boundary [1]', fontsize=12)
+    axes.legend(frameon=False, fontsize=11)
 
 
 def _coloured(dataset: 'xarray.Dataset', sweep: int, looks: Looks

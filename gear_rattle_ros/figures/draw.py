@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 PICTURES: Final = {
     'attractors': {'': 'grids.draw_attractors'},
     'basins': {'': 'grids.draw_basins'},
+    'boundary': {'': 'boundary.draw_boundary'},
     'continuation': {'': 'diagrams.draw_shares'},
     'crisis': {'': 'crisis.draw_law'},
     'exponents': {'': 'grids.draw_exponents'},

@@ -27,6 +27,7 @@ from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, SEED
 from ..core.model import Parameters
+from ..core.words import counted
 from ..store.store import Store
 
 NAME: Final = 'continuation'
@@ -38,7 +39,7 @@ BINS: Final = 1200
 def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
                  plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
                  keep: int = 512, hold: int = HOLD, tolerance: float = 1e-7, seed: int = SEED,
-                 **options: Unpack[WorkOptions]) -> Store:
+                 boundary: bool = False, **options: Unpack[WorkOptions]) -> Store:
     """
     Follow attractors and their shares across alpha; locate where they are born, double and end.
 
@@ -52,12 +53,14 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         A chaotic attractor lasts where trajectories stay for this number of impacts.
     tolerance : float
         Accuracy of the ends of chaotic attractors, in alpha [1].
+    boundary : bool
+        Whether the boundary between the basins is measured at each alpha, coarsely.
 
     """
     require_tolerance(tolerance)
     work = Work(**options)
     diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
-                      Window(keep, bins=BINS, hold=hold), ('random',))
+                      Window(keep, bins=BINS, hold=hold), ('random',), boundary)
     store = compute(diagram, work, NAME)
     search = Search(diagram, store, tolerance, hold)
     with work.report('continuation, searches for events', search.size, uneven=True) as progress:
@@ -73,7 +76,23 @@ def require_tolerance(tolerance: float) -> None:
 
 
 def describe(dataset: Arrays) -> str:
-    return str(dataset.attrs['events'])
+    lines = [str(dataset.attrs['events'])]
+    if 'boundary' in dataset.attrs:
+        lines += [_extremes(dataset, name, words) for name, words in (
+            ('boundary_exponent', 'uncertainty exponent of the boundary'),
+            ('boundary_entropy', 'boundary basin entropy S_bb'))]
+    return '\n'.join(lines)
+
+
+def _extremes(dataset: Arrays, name: str, words: str) -> str:
+    alphas, values, errors = dataset['alpha'].values, *(
+        dataset[each].values[0] for each in (name, f'{name}_error'))
+    there = np.flatnonzero(np.isfinite(values))
+    if not len(there):
+        return f'{words}: at no alpha'
+    least, most = there[np.argmin(values[there])], there[np.argmax(values[there])]
+    return f'{words}: at {len(there):,} of {counted(len(alphas), "alpha")}, ' + ' to '.join(
+        f'{values[k]:.3f} +- {errors[k]:.3f} at {alphas[k]:.6f}' for k in (least, most))
 
 
 def write_events(store: Store, events: list[Event]) -> None:

@@ -41,6 +41,12 @@ KINDS: Final = tuple(kind.value for kind in Kind)
 KEY: Final = '<U48'
 # Impacts of each attractor that are kept, to know it again at the next alpha.
 POINTS: Final = 64
+# What is measured of the boundary between basins, where that is asked for.
+BOUNDARY: Final = {
+    'boundary_exponent': 'uncertainty exponent of the boundary, nan where there is none',
+    'boundary_exponent_error': 'its standard error',
+    'boundary_entropy': 'boundary basin entropy S_bb, nan where there is no boundary',
+    'boundary_entropy_error': 'its standard error'}
 # What stands where there is no attractor; nan in every other array.
 NOTHING: Final = {'count': 0, 'key': '', 'letter': '', 'share': 0.0, 'kind': -1,
                   'period_impacts': 0, 'period_drive': 0}
@@ -65,6 +71,7 @@ class Diagram:
     seed: int
     window: Window
     sweeps: tuple[str, ...] = SWEEPS
+    boundary: bool = False  # whether the boundary between basins is measured
 
     def __post_init__(self) -> None:
         require_window(self.alphas)
@@ -96,7 +103,7 @@ def layout_of(diagram: Diagram) -> Layout:
         columns=diagram.columns, trajectories=diagram.trajectories, seed=diagram.seed,
         initial_velocity_window=list(plane.velocity), hold=window.hold,
         impacts_counted=window.keep, velocity_window=[window.low, window.high], bins=window.bins,
-        sweeps=list(diagram.sweeps))
+        sweeps=list(diagram.sweeps), **({'boundary': 1} if diagram.boundary else {}))
     del identity['alpha']
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     axes = (
@@ -129,7 +136,9 @@ def layout_of(diagram: Diagram) -> Layout:
             ('member_state', ('slot', 'state'), '<f8',
              'where one of its trajectories is; of an orbit, at an impact', None),
             ('end_state', ('lane', 'state'), '<f8',
-             'last state of the trajectories that are followed', None))), identity)
+             'last state of the trajectories that are followed', None),
+            *((name, (), '<f8', words, '1') for name, words in BOUNDARY.items()
+              if diagram.boundary))), identity)
 
 
 def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:

@@ -24,7 +24,8 @@ from typing import Final, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from .diagram import describe as laid_out, Diagram, in_order, KINDS, layout_of, SWEEPS
+from .boundary import measure
+from .diagram import BOUNDARY, describe as laid_out, Diagram, in_order, KINDS, layout_of, SWEEPS
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, find_branches, Window
@@ -106,6 +107,7 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     sweep = _sweep(diagram, store, tile)
     ends = np.full((len(columns), LANES, len(STATE)), math.nan)
     found: dict[int, list[Branch]] = {}
+    measured = np.full((len(columns), len(BOUNDARY)), math.nan)
     order = list(columns) if sweep != 'down' else list(reversed(columns))
     is_followed = sweep != 'random'
     states = _states_before(diagram, store, tile, order[0]) if is_followed else None
@@ -121,7 +123,11 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
         else:
             # What is followed knows nothing of what it has left.
             known = catalogue.orbits
+            if diagram.boundary:
+                measured[c - columns.start] = measure(catalogue, diagram.plane, diagram.seed)
     values = laid_out([found[c] for c in columns], diagram)
+    if diagram.boundary:
+        values |= dict(zip(BOUNDARY, measured.T, strict=True))
     store.write(tile, {name: value[None] for name, value in {**values, 'end_state': ends}.items()})
     return sum(len(one.states) for c in columns for one in found[c]) * diagram.window.keep
 

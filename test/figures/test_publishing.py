@@ -33,6 +33,7 @@ SEARCH = '--initial-conditions 40 --hold 1000'
 COMMANDS = {
     'attractors': SEARCH,
     'basins': f'--size 12 {SEARCH}',
+    'boundary': f'--size 30 --distances 1e-4 1e-1 --per-decade 1 --error 0.3 {SEARCH}',
     'continuation': '--alpha 0.48 0.5 --columns 3 --trajectories 4 --keep 32 --hold 1000',
     'exponents': '--size 12 --impacts 5',
     'lifetimes': f'--size 12 --alpha 1.244 {SEARCH}',

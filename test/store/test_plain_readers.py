@@ -23,6 +23,7 @@ import xarray
 from gear_rattle_ros.cli import (
     attractors,
     basins,
+    boundary,
     continuation,
     crisis,
     exponents,
@@ -37,6 +38,8 @@ from gear_rattle_ros.store.store import open_dataset
 SMALL = {
     attractors: '--starts 20 --hold 1000',  # the old name of --initial-conditions
     basins: '--size 6 --initial-conditions 20 --tile 3 --hold 1000',
+    boundary: '--size 30 --distances 1e-4 1e-1 --per-decade 1 --error 0.3 --initial-conditions 20 '
+              '--hold 1000',
     continuation: '--alpha 0.5 0.51 --columns 2 --trajectories 4 --hold 500 --skip 300 '
                   '--keep 256 --tolerance 1e-3',
     crisis: '--rates 4 --escapes 40 --beyond 1e-3 1e-2 --limit 100000',

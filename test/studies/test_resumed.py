@@ -32,6 +32,8 @@ MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
          'crisis': crisis.main, 'manifolds': manifolds.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
+    'boundary': ('--distances 1e-7 1e-1 --error 0.1 --size 100', 28,
+                 ('cut', 'exponent', 'label', 'entropy_mean', 'merging')),
     'orbit_diagram': ('--alpha 0.48 0.52 --columns 64 --bins 300 --trajectories 32 --skip 3000 '
                       '--keep 512', 24, ('count', 'exponent', 'end_state', 'attractor')),
     'continuation': ('--alpha 0.5 0.54 --columns 64 --trajectories 32 --hold 1000 --tolerance '
@@ -92,12 +94,12 @@ def test_ctrl_c_and_resume_change_nothing(name, tmp_path, capsys):
 
 @pytest.mark.long
 def test_a_cluster_gives_the_same(tmp_path):
-    """Two worker processes of a real cluster do the tiles of all three tools."""
+    """Two worker processes of a real cluster do the tiles of the tools."""
     distributed = pytest.importorskip('distributed')
     with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
             dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
-        for name in ('orbit_diagram', 'continuation', 'crisis'):
+        for name in ('boundary', 'orbit_diagram', 'continuation', 'crisis'):
             options, _, _ = TOOLS[name]
             here, there = (Path(tmp_path / f'{name}-{place}.zarr') for place in ('a', 'b'))
             words = shlex.split(options)

@@ -1,0 +1,144 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Shares of random probes that a boundary cuts, at any size, and the power law that they obey."""
+
+from collections.abc import Callable
+import dataclasses
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+
+# Labels of the points of a plane, given by both coordinates.
+Label: TypeAlias = Callable[[FloatArray, FloatArray], IntArray]
+Window: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+
+PROBES: Final = ('triplet', 'box')
+# Probes that are labelled together; after these it is foreseen how many are needed.
+BATCH: Final = 2000
+# Fewer cut probes than this say nothing of a power law, nor do fewer sizes.
+CUT_LEAST: Final = 10
+SIZES_LEAST: Final = 4
+# A power law holds where chance alone gives as large a chi^2 at least this often.
+PROBABILITY_LEAST: Final = 0.05
+
+
+def count_cut(label: Label, window: Window, probe: str, size: float, error: float, most: int,
+              rng: np.random.Generator) -> tuple[int, int]:
+    """
+    Count random probes whose points differ in their labels, until the share is accurate.
+
+    Parameters
+    ----------
+    label, window
+        The labels, and where the probes are.
+    probe : str
+        'triplet': a point and its neighbours at the distance `size` on either side, in a random
+        direction. 'box': the corners of a square of this edge.
+    size : float
+        In units of the coordinates.
+    error : float
+        Relative error of the share at which no more are needed.
+    most : int
+        Probes at the most; where as many would not do, only the first are labelled.
+    rng : numpy.random.Generator
+        Draws the probes.
+
+    Returns
+    -------
+    cut, probes : int
+        Those whose labels differ, and all.
+
+    """
+    cut = probes = 0
+    while True:
+        needed = (probes - cut + 1) / ((cut + 1) * error**2)
+        if probes and (probes >= needed or needed > most):
+            return cut, probes
+        x, y = (low + (high - low) * rng.random((BATCH, 1)) for low, high in window)
+        if probe == 'box':
+            dx, dy = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
+        else:
+            angle = 2.0 * math.pi * rng.random((BATCH, 1))
+            dx, dy = (np.array([0.0, 1.0, -1.0]) * f(angle) for f in (np.cos, np.sin))
+        x, y = x + size * dx, y + size * dy
+        labels = label(x.ravel(), y.ravel()).reshape(x.shape)
+        cut += int(np.count_nonzero(np.any(labels[:, 1:] != labels[:, :1], axis=1)))
+        probes += BATCH
+
+
+@dataclasses.dataclass(frozen=True)
+class PowerLaw:
+    """A law share = constant size^exponent over a range of sizes."""
+
+    exponent: float
+    error: float  # standard error, larger where the shares scatter more than by chance
+    constant: float
+    low: float  # ends of the range
+    high: float
+    chi_squared: float
+    freedom: int  # sizes less two
+
+    @property
+    def probability(self) -> float:
+        """Return how often chance alone gives as large a chi^2."""
+        return chance(self.chi_squared, self.freedom)
+
+
+def fit_power_law(sizes: FloatArray, cut: IntArray, probes: IntArray) -> PowerLaw | None:
+    """
+    Fit the share of cut probes over the widest range of sizes in which it is a power law.
+
+    Of all ranges whose chi^2 chance would exceed in one of twenty cases the one with the most
+    sizes is taken, of several the one of the smallest; where there is none, the most likely of
+    the shortest. None where too few probes are cut.
+    """
+    use = (cut >= CUT_LEAST) & (cut < probes)
+    order = np.argsort(sizes[use])
+    x, n, k = np.log(sizes[use][order]), probes[use][order], cut[use][order]
+    y, weights = np.log(k / n), n * k / (n - k)
+    fits = [(first, length, _line(x, y, weights, slice(first, first + length)))
+            for length in range(len(x), SIZES_LEAST - 1, -1)
+            for first in range(len(x) - length + 1)]
+    good = [each for each in fits if each[2].probability >= PROBABILITY_LEAST]
+    if good:
+        return good[0][2]
+    shortest = [law for _, length, law in fits if length == SIZES_LEAST]
+    return max(shortest, key=lambda law: law.probability, default=None)
+
+
+def _line(x: FloatArray, y: FloatArray, weights: FloatArray, part: slice) -> PowerLaw:
+    x, y, weights = x[part], y[part], weights[part]
+    x_mean, y_mean = np.average(x, weights=weights), np.average(y, weights=weights)
+    spread = np.sum(weights * (x - x_mean)**2)
+    slope = np.sum(weights * (x - x_mean) * y) / spread
+    chi_squared = float(np.sum(weights * (y - y_mean - slope * (x - x_mean))**2))
+    freedom = len(x) - 2
+    return PowerLaw(
+        float(slope), math.sqrt(max(1.0, chi_squared / freedom) / spread),
+        math.exp(y_mean - slope * x_mean), math.exp(x[0]), math.exp(x[-1]), chi_squared, freedom)
+
+
+def chance(chi_squared: float, freedom: int) -> float:
+    """Return the probability of a larger chi^2."""
+    half = 0.5 * chi_squared
+    term = math.exp(-half)
+    total, k = (term, 2) if freedom % 2 == 0 else (math.erfc(math.sqrt(half)), 1)
+    while k < freedom:
+        total += half**(0.5 * k) * term / math.gamma(0.5 * k + 1.0)
+        k += 2
+    return total

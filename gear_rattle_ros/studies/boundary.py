@@ -1,0 +1,329 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The boundary between basins: how uncertain, how fractal, and shared by how many basins."""
+
+import dataclasses
+import functools
+import math
+from pathlib import Path
+from typing import Final, Unpack
+
+import numpy as np
+
+from . import attractors
+from .work import Arrays, Study, Work, WorkOptions
+from ..attractors.catalogue import Catalogue, follow_here
+from ..attractors.finding import find_attractors
+from ..attractors.listing import named
+from ..attractors.plane import Plane
+from ..core.arrays import FloatArray, IntArray
+from ..core.boundaries.entropy import (
+    basin_entropies,
+    disc_entropy,
+    Entropy,
+    is_smooth,
+    PARTS,
+    SMOOTH,
+)
+from ..core.boundaries.uncertainty import count_cut, fit_power_law, PowerLaw, PROBES
+from ..core.boundaries.wada import merge_basins, refine_boundary
+from ..core.defaults import (
+    BASINS_CAP,
+    HOLD,
+    INITIAL_CONDITIONS,
+    LIFETIMES_CAP,
+    SEED,
+    TOLERANCE,
+)
+from ..core.flight.lanes import make_initial_conditions
+from ..core.many.settling import RESULT, UNSETTLED
+from ..core.model import Parameters
+from ..core.words import counted
+from ..store.layout import Axis, Layout, Variable
+from ..store.store import Store
+
+NAME: Final = 'boundary'
+TITLE: Final = 'Basin boundary of the gear-rattling model'
+# Distances below it are too near the rounding of a phase to be probed [1]; one of a last digit,
+# at which probes show what rounding alone changes.
+DECIDED: Final = 1e-12
+ROUNDING: Final = 1e-15
+MOST: Final = 200_000  # probes at one distance
+ROWS: Final = 40  # parts of the grid
+# Boxes and discs of the grid [cells], and the discs.
+EDGES: Final = (5, 10, 15, 20, 25)
+RADIUS: Final = 20
+DISCS: Final = 5000
+# Wada: part of the window within which merged boundaries are one; halvings between neighbouring
+# cells, how many of these, and the share that must show all basins.
+REACH: Final = 0.05
+HALVINGS: Final = 10
+PAIRS: Final = 400
+SHARED: Final = 0.9
+# A coarse measure at each of many alphas: distances, relative error of the shares, cells along the
+# edge of the grid and of its boxes.
+COARSE: Final = (1e-8, 1e-2)
+COARSE_ERROR: Final = 0.1
+COARSE_GRID: Final = 150
+COARSE_EDGE: Final = 6
+
+
+@dataclasses.dataclass(frozen=True)
+class Labels:
+    """Labels of the points of a plane at given parameters, as a function of both coordinates."""
+
+    known: Catalogue
+    displacement: float
+    cap: int
+
+    def __call__(self, phases: FloatArray, velocities: FloatArray) -> IntArray:
+        initial = make_initial_conditions(
+            self.known.parameters, phases, self.displacement, velocities)
+        results = np.zeros(len(initial), RESULT)
+        follow_here(initial, self.cap, self.known.table, results)
+        return np.asarray(results['label'], np.int64)
+
+
+@Study
+def boundary(parameters: Parameters, plane: Plane | None = None, *,
+             distances: tuple[float, float] = (1e-9, 1e-1), per_decade: int = 2,
+             error: float = 0.03, cap: int = BASINS_CAP, tolerance: float = TOLERANCE,
+             initial_conditions: int = INITIAL_CONDITIONS, seed: int = SEED, hold: int = HOLD,
+             **options: Unpack[WorkOptions]) -> Store:
+    """
+    Measure the boundary between basins in a plane.
+
+    The dataset has, by `probe` and `distance`, how many random `probes` there were and how many
+    of them are `cut`, as their points differ in their labels; the `exponent` of each probe;
+    the `label` of every cell, the entropy of the basins in boxes and discs of cells, the two tests
+    of Wada, and the attractors.
+
+    Parameters
+    ----------
+    parameters, plane
+        The model, and the window with the cells of the entropy.
+    distances : tuple of float
+        Smallest and largest distance of the probes [1 and rad].
+    per_decade : int
+        Distances to a factor of ten.
+    error : float
+        Relative error of the share of probes that are cut.
+    cap, tolerance, initial_conditions, seed, hold
+        As `basins` takes them.
+
+    """
+    attractors.require_tolerance(tolerance)
+    sizes = distances_of(distances, per_decade)
+    if not 0.001 <= error <= 0.3:
+        raise ValueError(f'--error {error:g} is not between 0.001 and 0.3')
+    work, plane = Work(**options), plane or Plane()
+    store = work.begin(_layout(plane, np.append(sizes, ROUNDING), attractors.identity_of(
+        NAME, parameters, plane, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
+        initial_conditions=initial_conditions, size=[plane.phases, plane.velocities],
+        per_decade=per_decade, error=error)))
+    known = find_attractors(
+        parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
+        hold=hold, threads=work.threads)
+    label = Labels(known, plane.displacement, cap)
+    with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
+        work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
+                 pending, finished)
+    if not store.has_table('label'):
+        _write_labels(store, plane, label, work)
+    laws = [law_of(store, probe) for probe in PROBES]
+    store.write_table({name: (('probe',), [getattr(law, field, math.nan) for law in laws],
+                              named(words)) for name, field, words in (
+        ('exponent', 'exponent', 'exponent of the share of probes that are cut'),
+        ('exponent_error', 'error', 'standard error of the exponent'))})
+    _write_entropies(store, seed)
+    _write_wada(store, plane, label, seed)
+    attractors.write_attractors(store, known)
+    return store
+
+
+def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
+    """Return the exponent and S_bb of a boundary, each with its error, coarsely; nan for none."""
+    label = Labels(known, plane.displacement, LIFETIMES_CAP)
+    grid = label_cells(label, dataclasses.replace(
+        plane, phases=COARSE_GRID, velocities=COARSE_GRID), 1, 0)
+    if np.ptp(grid) == 0:
+        return math.nan, math.nan, math.nan, math.nan
+    entropy = basin_entropies(grid, (COARSE_EDGE,))[0]
+    random, sizes = np.random.default_rng(seed), distances_of(COARSE, 2)
+    counts = np.array([count_cut(label, (plane.phase, plane.velocity), PROBES[0], size,
+                                 COARSE_ERROR, MOST, random) for size in sizes])
+    law = fit_power_law(sizes, *counts.T)
+    return (*((law.exponent, law.error) if law else (math.nan, math.nan)), entropy.boundary,
+            entropy.boundary_error)
+
+
+def distances_of(distances: tuple[float, float], per_decade: int) -> FloatArray:
+    """List the distances of the probes, the largest first; ValueError where there are few."""
+    low, high = distances
+    if not DECIDED <= low < high <= 1.0:
+        raise ValueError(f'--distances {low:g} {high:g}: give two between {DECIDED:g}, below '
+                         'which rounding decides, and 1, the smaller first')
+    count = int(per_decade * math.log10(high / low) + 1.0 + 1e-9)
+    if count < 4:
+        raise ValueError(f'--distances {low:g} {high:g} are {counted(count, "distance")} with '
+                         f'--per-decade {per_decade}; a power law takes 4')
+    return high * 10.0**(-np.arange(count) / per_decade)
+
+
+def fill_tile(path: Path, plane: Plane, label: Labels, error: float, seed: int, tile: int) -> int:
+    """Count the cut probes of one kind at one distance."""
+    store = Store(path)
+    place = store.tiles[tile]
+    probe = PROBES[place['probe'].start]
+    size = float(store.read_all('distance')[place['distance'].start])
+    counts = 0, 0
+    # Boxes of a last digit have corners that are the same.
+    if size >= DECIDED or probe == 'triplet':
+        counts = count_cut(label, (plane.phase, plane.velocity), probe, size, error, MOST,
+                           np.random.default_rng([seed, tile]))
+    store.write(tile, {name: np.full((1, 1), count)
+                       for name, count in zip(('cut', 'probes'), counts, strict=True)})
+    return 0
+
+
+def law_of(dataset: Arrays, probe: str) -> PowerLaw | None:
+    """Fit the power law of a probe over the distances at which rounding does not decide."""
+    sizes = dataset['distance'].values
+    row, decided = PROBES.index(probe), sizes >= DECIDED
+    return fit_power_law(sizes[decided], *(
+        dataset[name].values[row][decided] for name in ('cut', 'probes')))
+
+
+def entropies_of(dataset: Arrays) -> list[Entropy]:
+    return [Entropy(int(edge), *map(float, values)) for edge, *values in zip(*(
+        dataset[name].values for name in ENTROPY), strict=True)]
+
+
+# The arrays of what Entropy has, in that order.
+ENTROPY: Final = {
+    'entropy_edge': 'cells along the edge of a box; 0 for ever more cells, by extrapolation',
+    'entropy_mean': 'basin entropy S_b', 'entropy_mean_error': 'its standard error',
+    'entropy_boundary': 'boundary basin entropy S_bb',
+    'entropy_boundary_error': 'its standard error'}
+
+
+def label_cells(label: Labels, plane: Plane, parts: int, part: int) -> IntArray:
+    """Label the rows of a part of a plane."""
+    velocities = np.array_split(plane.velocity_values(), parts)[part]
+    return label(np.tile(plane.phase_values(), len(velocities)),
+                 np.repeat(velocities, plane.phases)).reshape(-1, plane.phases)
+
+
+def _write_labels(store: Store, plane: Plane, label: Labels, work: Work) -> None:
+    grid: dict[int, IntArray] = {}
+    parts = min(plane.velocities, ROWS)
+    with work.report(f'{NAME}, grid', plane.phases * plane.velocities) as progress:
+        def finished(part: int, labels: IntArray) -> None:
+            grid[part] = labels
+            progress.add(labels.size)
+
+        work.run(functools.partial(label_cells, label, plane, parts), list(range(parts)), finished)
+    store.write_table({'label': (('velocity', 'phase'), np.concatenate(
+        [grid[part] for part in range(parts)]).astype('<i2'), named(
+        'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower wall, '
+        '-4 between the walls'))})
+
+
+def _write_entropies(store: Store, seed: int) -> None:
+    labels = store.read_all('label')
+    small = min(labels.shape) // PARTS
+    edges = tuple(edge for edge in EDGES if edge <= small)
+    rows = [dataclasses.astuple(each) for each in basin_entropies(labels, edges)] if edges else []
+    radius = min(RADIUS, small)
+    disc = disc_entropy(labels, radius, DISCS, np.random.default_rng(seed))
+    columns = np.array(rows).reshape(-1, len(ENTROPY)).T
+    store.write_table({
+        **{name: (('entropy',), column, named(words))
+           for (name, words), column in zip(ENTROPY.items(), columns, strict=True)},
+        'disc': (('value',), [radius, *disc], named(
+            'radius of random discs [cells], mean entropy of those with several labels, its '
+            'standard error'))})
+
+
+def _write_wada(store: Store, plane: Plane, label: Labels, seed: int) -> None:
+    grid = np.asarray(store.read_all('label'), np.int64)
+    basins = [basin for basin in np.unique(grid).tolist() if basin != UNSETTLED]
+    merging = merge_basins(grid, basins, int(REACH * min(grid.shape)))
+    refined = refine_boundary(label, (plane.phase, plane.velocity), grid, basins, HALVINGS,
+                              PAIRS, np.random.default_rng(seed))
+    store.write_table({
+        'merging': (('cells',), np.array(merging.within), named(
+            'least share of a boundary of one basin that has that of each other within so many '
+            'cells')),
+        'refinement': (('halving',), np.array(refined.shares), named(
+            'share of neighbouring cells in different basins between which all basins are found '
+            'after so many halvings'))})
+
+
+def describe(dataset: Arrays) -> str:
+    """Put a boundary in words: exponents, entropies, and whether it is one of Wada."""
+    labels, numbers = np.unique(dataset['label'].values, return_counts=True)
+    cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
+    if len(cells) < 2:
+        return attractors.describe(dataset, cells, 'no boundary: all cells have one label')
+    lines = [_law_in_words(probe, law_of(dataset, probe)) for probe in PROBES]
+    cut, probes = (int(dataset[name].values[0, -1]) for name in ('cut', 'probes'))
+    lines.append(f'rounding: {cut / probes:.2%} of the triplets are cut at {ROUNDING:g}, a last '
+                 'digit: up to as many single labels are beyond double precision')
+    entropies = entropies_of(dataset)
+    lines += [f'{f"boxes of {each.edge}" if each.edge else "ever more"} cells: S_b '
+              f'{each.mean:.4f} +- {each.mean_error:.4f}, S_bb {each.boundary:.4f} +- '
+              f'{each.boundary_error:.4f}' for each in entropies]
+    if any(each.exceeds_ln_2 for each in entropies):
+        lines.append('S_bb exceeds ln 2: the boundary is fractal')
+    radius, mean, error = (float(value) for value in dataset['disc'].values)
+    verdict = 'may be smooth' if is_smooth(mean, error, int(radius)) else 'is not smooth'
+    lines.append(f'discs of radius {radius:g} cells: {mean:.4f} +- {error:.4f}, a smooth boundary '
+                 f'has {SMOOTH:.4f}: the boundary {verdict}')
+    return attractors.describe(dataset, cells, '\n'.join([*lines, *_wada_in_words(dataset)]))
+
+
+def _law_in_words(probe: str, law: PowerLaw | None) -> str:
+    name = {'triplet': 'triplets', 'box': 'box counting'}[probe]
+    if law is None:
+        return f'{name}: too few are cut for an exponent; give larger --distances'
+    return (f'{name}: exponent {law.exponent:.4f} +- {law.error:.4f}, dimension of the boundary '
+            f'{2.0 - law.exponent:.4f}, from {law.low:.1e} to {law.high:.1e} (chi^2 '
+            f'{law.chi_squared:.1f} for {counted(law.freedom, "degree")} of freedom)')
+
+
+def _wada_in_words(dataset: Arrays) -> list[str]:
+    merging, refinement = dataset['merging'].values, dataset['refinement'].values
+    if not len(merging):
+        return ['Wada: needs three basins']
+    near, is_one, is_shared = len(merging) - 1, merging[-1] >= 1.0, refinement[-1] >= SHARED
+    return [
+        f'Wada by merging: {"passed" if is_one else "failed"}, the boundaries of all basins are '
+        + (f'within {counted(near, "cell")} of each other' if is_one else
+           f'not, only {merging[-1]:.1%} of one are within {counted(near, "cell")}'),
+        f'Wada by grid refinement: {"passed" if is_shared else "failed"}, all basins lie between '
+        f'{refinement[-1]:.1%} of the pairs of neighbouring cells in two basins']
+
+
+def _layout(plane: Plane, sizes: FloatArray, identity: dict[str, object]) -> Layout:
+    return Layout(
+        (Axis('probe', np.array(PROBES), named(
+            'triplet: a point and one on either side; box: the corners of a square', None), 1),
+         Axis('distance', sizes, named('distance in a triplet, edge of a box'), 1),
+         Axis('velocity', plane.velocity_values(), named('initial velocity')),
+         Axis('phase', plane.phase_values(), named('initial drive phase', 'rad'))),
+        tuple(Variable(name, ('probe', 'distance'), '<i8', named(words)) for name, words in (
+            ('cut', 'probes whose points differ in their labels'), ('probes', 'all probes'))),
+        identity, {'title': TITLE})

@@ -1,0 +1,116 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Boundaries of the model: routes that agree, three basins, none at all."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from gear_rattle_ros import boundary, find_attractors, Parameters, Plane
+from gear_rattle_ros.cli.boundary import main
+from gear_rattle_ros.cli.continuation import main as follow
+from gear_rattle_ros.core.boundaries.uncertainty import count_cut
+from gear_rattle_ros.studies.boundary import describe, Labels, law_of, measure, PROBES
+
+QUICK = {'initial_conditions': 60, 'hold': 2000, 'cap': 4000}
+# An impact of B is in this window, in which all initial conditions settle alike.
+QUIET = Plane(0.0, (5.455, 5.456), (0.858, 0.859), 40, 40)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('alpha', [0.48, 0.57])
+def test_triplets_and_boxes_agree(alpha):
+    """Both give one exponent to 3 %; the share at 1e-9 is far above that of a last digit."""
+    dataset = boundary(Parameters(alpha=alpha), Plane(phases=50, velocities=50))
+    values, errors = dataset['exponent'].values, dataset['exponent_error'].values
+    assert np.all(errors < 0.03 * values)
+    assert abs(values[0] - values[1]) < 3.0 * math.hypot(*errors)
+    share = (dataset['cut'] / dataset['probes']).values[0]
+    assert share[-2] > 2.0 * share[-1] > 0.0
+    assert 'the boundary is not smooth' in describe(dataset)
+
+
+def test_three_basins_share_one_boundary(tmp_path, capsys):
+    """At 0.50 there are A, B and C, and a boundary with more than ln 2 in its boxes is fractal."""
+    words = ('--alpha 0.5 --size 125 --distances 1e-5 1e-2 --per-decade 1 --error 0.1 --cap 4000 '
+             '--initial-conditions 200 --hold 2000').split()
+    picture = tmp_path / 'a.png'
+    assert main([*words, '--output', str(tmp_path / 'a.zarr'), '--picture', str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert picture.exists()
+    assert 'S_bb exceeds ln 2' in said
+    assert 'Wada by grid refinement: passed' in said
+    found = re.search(r'triplets: exponent (\S+) \+- (\S+),', said)
+    assert 0.0 < float(found[1]) < 0.3 and float(found[2]) < 0.05
+
+
+def test_the_coarse_measure_agrees_with_boxes_of_two_edges():
+    """The slope between 1e-8 and 1e-2 at 0.48; and beyond the end of B there is no boundary."""
+    plane, random = Plane(), np.random.default_rng(5)
+    known = find_attractors(Parameters(alpha=0.48), plane.draw(Parameters(alpha=0.48), 60, 1),
+                            hold=2000)
+    exponent, error, entropy, _ = measure(known, plane, 1)
+    (small, first), (large, second) = (
+        count_cut(Labels(known, 0.0, 2000), (plane.phase, plane.velocity), 'box', size, 0.04,
+                  50_000, random) for size in (1e-8, 1e-2))
+    slope = math.log(large / second * first / small) / math.log(1e6)
+    assert exponent == pytest.approx(slope, abs=3.0 * math.hypot(error, 0.06 / math.log(1e6)))
+    assert 0.0 < entropy < math.log(2.0)
+    alone = dataclasses.replace(known, orbits=known.orbits[:1])
+    assert np.isnan(measure(alone, QUIET, 1)).all()
+
+
+@pytest.mark.long
+def test_a_continuation_carries_the_boundary_along(tmp_path, capsys):
+    """At 0.56 there are A and B, at 0.59 A alone."""
+    words = ('--boundary --alpha 0.56 0.59 --columns 2 --trajectories 32 --hold 2000 --tolerance '
+             '1e-3').split()
+    picture = tmp_path / 'a.png'
+    assert follow([*words, '--output', str(tmp_path / 'a.zarr'), '--picture', str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert picture.exists()
+    assert 'uncertainty exponent of the boundary: at 1 of 2 alphas, 0.1' in said
+    assert 'boundary basin entropy S_bb: at 1 of 2 alphas, 0.5' in said
+
+
+def test_where_there_is_no_boundary():
+    dataset = boundary(Parameters(alpha=0.48), QUIET, distances=(1e-6, 1e-3), per_decade=1,
+                       **QUICK)
+    assert 'no boundary: all cells have one label' in describe(dataset)
+    assert not dataset['cut'].values.any()
+    assert [law_of(dataset, probe) for probe in PROBES] == [None, None]
+    assert np.isnan(dataset['exponent'].values).all()
+
+
+def test_where_areas_are_preserved_nothing_settles():
+    dataset = boundary(Parameters(0.48, 0.0, 0.1, 1.0), QUIET, distances=(1e-6, 1e-3),
+                       per_decade=1, **{**QUICK, 'cap': 50})
+    assert 'no attractors' in describe(dataset)
+
+
+@pytest.mark.parametrize('words, said', [
+    ('--distances 1e-13 1e-1', '--distances 1e-13 0.1: give two between 1e-12'),
+    ('--distances 1e-1 1e-9', '--distances 0.1 1e-09: give two'),
+    ('--distances 1e-2 1e-1', '3 distances with --per-decade 2; a power law takes 4'),
+    ('--error 0.5', '--error 0.5 is not between')])
+def test_refusals(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(words.split()) == 2
+    line, = capsys.readouterr().err.splitlines()
+    assert line.startswith('boundary: ') and said in line
+    assert list(tmp_path.iterdir()) == []
