@@ -1,0 +1,189 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Edge states and chaotic saddles of the gear, by straddling what the catalogue labels."""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+
+from .catalogue import Attractor, Catalogue, follow_here, Kind
+from .plane import Plane
+from ..core.arrays import FloatArray, IntArray, RecordArray
+from ..core.flight.closed_form import NO_WALL
+from ..core.many.recorded import initial_after, record_impacts
+from ..core.many.settling import RESULT, UNSETTLED
+from ..core.many.sprinkler import growths, saddle_rates, SaddleRates
+from ..core.model import STICKING_SPEED
+from ..core.model import STICKING_SPEED
+from ..core.orbits.impact_map import map_points
+from ..core.orbits.orbit import close_orbit, NEAR, Orbit
+from ..core.orbits.section import turn
+from ..core.orbits.straddle import (
+    any_change,
+    FINE,
+    first_change,
+    longest_lived,
+    stays,
+    straddle,
+)
+
+# Impacts for which initial conditions are followed to the section, and how many are drawn at once.
+ARRIVE: Final = 3
+DRAWN: Final = 64
+TRIES: Final = 64
+# Images whose flights differ by more than this lie on both sides of a grazing [1].
+TOGETHER: Final = 0.1
+# Longest orbits that are recognised on a saddle [impacts].
+LONGEST: Final = 12
+# Of a straddle trajectory that has come to an orbit, this share of the steps is near it.
+SETTLED: Final = 0.5
+# Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
+# its points in which they are sprinkled [rad, 1], and the rows of growth at the most.
+HEAD: Final = 15
+SPREAD: Final = 0.01
+FOLLOWED: Final = 2000
+ROW: Final = 400
+# Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge.
+LEAVE: Final = 20
+
+
+@dataclasses.dataclass(frozen=True)
+class Straddling:
+    """What is straddled at given parameters: the boundaries of basins, or a chaotic transient."""
+
+    catalogue: Catalogue
+    is_edge: bool  # labels are compared; else lifetimes
+    cap: int  # impacts after which a point is given up
+
+    def results(self, points: FloatArray) -> RecordArray:
+        """Return the RESULT of impacts (phase, velocity before)."""
+        results = np.zeros(len(points), RESULT)
+        follow_here(initial_after(self.catalogue.parameters, points[:, 0], points[:, 1]),
+                    self.cap, self.catalogue.table, results)
+        return results
+
+    def values(self, points: FloatArray) -> IntArray:
+        return np.asarray(self.results(points)['label' if self.is_edge else 'lifetime'], np.int64)
+
+    def advance(self, points: FloatArray) -> FloatArray | None:
+        """Map points near each other to their next impacts, if these are near each other, too."""
+        images, _, walls, times = map_points(points, self.catalogue.parameters.model)
+        if NO_WALL in walls or np.ptp(walls) or np.ptp(times) > TOGETHER:
+            return None
+        images[:, 0] = images[0, 0] + turn(images[:, 0] - images[0, 0])
+        return images
+
+    def segment(self, plane: Plane, random: np.random.Generator) -> FloatArray | None:
+        """Draw two impacts at one wall of different values; None where there are none."""
+        for _ in range(TRIES):
+            initial = plane.draw(self.catalogue.parameters, DRAWN, int(random.integers(1 << 31)))
+            rows, made = record_impacts(initial, ARRIVE, 1)
+            points = np.column_stack([rows[made > 0][name][:, 0] for name in ('phase', 'velocity')])
+            upper = points[:, 1] > 0.0
+            points = points[upper == (np.sum(upper) >= 0.5 * len(points))]
+            values = self.values(points)
+            other = np.flatnonzero(values != values[:1])
+            if len(other):
+                return points[[0, int(other[0])]]
+        return None
+
+    def follow(self, plane: Plane, steps: int, random: np.random.Generator) -> FloatArray:
+        """Return a straddle trajectory of impacts (phase, velocity), shape (steps, 2)."""
+        # After a loss, it goes on elsewhere.
+        parts, made = [np.zeros((0, 2))], 0
+        for _ in range(TRIES):
+            ends = self.segment(plane, random) if made < steps else None
+            if ends is None:
+                break
+            parts.append(straddle(ends, self.advance, self.values, any_change if self.is_edge
+                                  else longest_lived(self.cap), HEAD + steps - made, random)[HEAD:])
+            made += len(parts[-1])
+        points = np.concatenate(parts)
+        if not len(points):
+            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: random initial '
+                             'conditions show no boundary and no saddle; take another window or '
+                             'another alpha')
+        points[:, 0] %= 2.0 * math.pi
+        return points
+
+    def orbits_near(self, points: FloatArray) -> dict[str, tuple[Orbit, int]]:
+        """Find the unstable orbits near which impacts stay, and for how many, the most first."""
+        found: dict[str, tuple[Orbit, int]] = {}
+        for first, q, steps in stays(points, LONGEST):
+            part = points[first:first + q]
+            orbit = close_orbit(np.signbit(part[:, 1]).astype(np.int64), part,
+                                self.catalogue.parameters, NEAR)
+            if orbit is not None and not orbit.is_stable:
+                _, before = found.get(orbit.key, (orbit, 0))
+                found[orbit.key] = orbit.canonical(), before + steps
+        return dict(sorted(found.items(), key=lambda item: -item[1][1]))
+
+    def orbit_of(self, points: FloatArray) -> Orbit | None:
+        """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
+        orbit, steps = next(iter(self.orbits_near(points).values()), (None, 0))
+        return orbit if steps >= SETTLED * len(points) else None
+
+    def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
+                   ) -> FloatArray:
+        """Straddle the boundary that is met first from an attractor; no steps where none is."""
+        inside = attractor.points()
+        own = inside[random.integers(len(inside)), 1:] if len(inside) else None
+        for _ in range(TRIES if own is not None else 0):
+            other = np.array([random.uniform(0.0, 2.0 * math.pi), own[1] * random.uniform(0.0, 2.0)])
+            ends = np.array([own, other])
+            labels = self.values(ends)
+            if labels[1] != attractor.label == labels[0]:
+                return straddle(ends, self.advance, lambda points: np.asarray(
+                    self.values(points) != attractor.label, np.int64), first_change, steps, random,
+                    FINE)
+        return np.zeros((0, 2))
+
+    @property
+    def tail(self) -> int:
+        """Impacts in which what has left the saddle settles on any attractor."""
+        tail = 0.0
+        for each in self.catalogue.attractors:
+            if each.orbit and each.exponents[0] > -math.inf:
+                tail = max(tail, math.log(self.catalogue.tolerance) / each.exponents[0])
+            elif each.kind is Kind.RESTING and self.catalogue.parameters.restitution:
+                tail = max(tail, math.log(STICKING_SPEED)
+                           / math.log(self.catalogue.parameters.restitution))
+        return LEAVE + math.ceil(tail)
+
+    def sprinkle(self, points: FloatArray, count: int, random: np.random.Generator) -> SaddleRates:
+        """Estimate the rates of the saddle on which impacts lie."""
+        about = points[random.integers(len(points), size=count)]
+        about = about + SPREAD * (2.0 * random.random(about.shape) - 1.0)
+        results = self.results(about)
+        # Those that stick go on as one.
+        about, results = (each[np.isnan(results['release'])] for each in (about, results))
+        lifetimes, censored = results['impacts'].copy(), results['label'] == UNSETTLED
+        lifetimes[~censored] = results['lifetime'][~censored]
+        followed = np.flatnonzero(lifetimes > HEAD + self.tail)[:FOLLOWED]
+        steps = min(int(np.max(lifetimes[followed], initial=1)), ROW)
+        parameters = self.catalogue.parameters
+        rows, _ = record_impacts(initial_after(parameters, *about[followed].T), 0, steps)
+        _, matrices, _, _ = map_points(np.stack(
+            [rows['phase'].ravel(), rows['velocity'].ravel()], axis=1), parameters.model)
+        return saddle_rates(lifetimes, censored, growths(matrices.reshape(-1, steps, 2, 2)),
+                            followed, HEAD, self.tail)
+
+
+def rates_of_orbit(orbit: Orbit) -> SaddleRates:
+    """Return the rates of a saddle that is one orbit: exact, and nothing but it stays."""
+    one, two = orbit.exponents
+    return SaddleRates(one, 0.0, one, 0.0, two, 0.0, 0, orbit.impacts)
