@@ -15,6 +15,7 @@
 """Edge states and chaotic saddles of the gear, by straddling what the catalogue labels."""
 
 import dataclasses
+import functools
 import math
 from typing import Final
 
@@ -26,7 +27,7 @@ from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RESULT, UNSETTLED
-from ..core.many.sprinkler import growths, saddle_rates, SaddleRates
+from ..core.many.sprinkler import estimate, growths, SaddleRates
 from ..core.model import STICKING_SPEED
 from ..core.model import STICKING_SPEED
 from ..core.orbits.impact_map import map_points
@@ -55,10 +56,12 @@ SETTLED: Final = 0.5
 # its points in which they are sprinkled [rad, 1], and the rows of growth at the most.
 HEAD: Final = 15
 SPREAD: Final = 0.01
-FOLLOWED: Final = 2000
+FOLLOWED: Final = 1000
 ROW: Final = 400
 # Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge.
 LEAVE: Final = 20
+# Lifetimes are told apart up to this many times those of what leaves at once.
+FAR: Final = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,15 +72,22 @@ class Straddling:
     is_edge: bool  # labels are compared; else lifetimes
     cap: int  # impacts after which a point is given up
 
-    def results(self, points: FloatArray) -> RecordArray:
+    def results(self, points: FloatArray, cap: int | None = None) -> RecordArray:
         """Return the RESULT of impacts (phase, velocity before)."""
         results = np.zeros(len(points), RESULT)
         follow_here(initial_after(self.catalogue.parameters, points[:, 0], points[:, 1]),
-                    self.cap, self.catalogue.table, results)
+                    cap or self.cap, self.catalogue.table, results)
         return results
 
     def values(self, points: FloatArray) -> IntArray:
-        return np.asarray(self.results(points)['label' if self.is_edge else 'lifetime'], np.int64)
+        """Return their labels, or as far as it matters here their lifetimes."""
+        return np.asarray(self.results(points)['label'] if self.is_edge else
+                          self.results(points, self.far)['lifetime'], np.int64)
+
+    @functools.cached_property
+    def far(self) -> int:
+        """Impacts after which a lifetime is long: the segment still is near the saddle."""
+        return min(self.cap, FAR * self.tail)
 
     def advance(self, points: FloatArray) -> FloatArray | None:
         """Map points near each other to their next impacts, if these are near each other, too."""
@@ -110,7 +120,7 @@ class Straddling:
             if ends is None:
                 break
             parts.append(straddle(ends, self.advance, self.values, any_change if self.is_edge
-                                  else longest_lived(self.cap), HEAD + steps - made, random)[HEAD:])
+                                  else longest_lived(self.far), HEAD + steps - made, random)[HEAD:])
             made += len(parts[-1])
         points = np.concatenate(parts)
         if not len(points):
@@ -152,7 +162,7 @@ class Straddling:
                     FINE)
         return np.zeros((0, 2))
 
-    @property
+    @functools.cached_property
     def tail(self) -> int:
         """Impacts in which what has left the saddle settles on any attractor."""
         tail = 0.0
@@ -164,26 +174,29 @@ class Straddling:
                            / math.log(self.catalogue.parameters.restitution))
         return LEAVE + math.ceil(tail)
 
-    def sprinkle(self, points: FloatArray, count: int, random: np.random.Generator) -> SaddleRates:
-        """Estimate the rates of the saddle on which impacts lie."""
+    def sprinkle(self, points: FloatArray, count: int, random: np.random.Generator) -> FloatArray:
+        """Return an `estimate` from one batch of initial conditions about impacts on a saddle."""
         about = points[random.integers(len(points), size=count)]
         about = about + SPREAD * (2.0 * random.random(about.shape) - 1.0)
         results = self.results(about)
         # Those that stick go on as one.
         about, results = (each[np.isnan(results['release'])] for each in (about, results))
-        lifetimes, censored = results['impacts'].copy(), results['label'] == UNSETTLED
-        lifetimes[~censored] = results['lifetime'][~censored]
+        censored = results['label'] == UNSETTLED
+        lifetimes = np.where(censored, results['impacts'], results['lifetime'])
         followed = np.flatnonzero(lifetimes > HEAD + self.tail)[:FOLLOWED]
-        steps = min(int(np.max(lifetimes[followed], initial=1)), ROW)
-        parameters = self.catalogue.parameters
-        rows, _ = record_impacts(initial_after(parameters, *about[followed].T), 0, steps)
-        _, matrices, _, _ = map_points(np.stack(
-            [rows['phase'].ravel(), rows['velocity'].ravel()], axis=1), parameters.model)
-        return saddle_rates(lifetimes, censored, growths(matrices.reshape(-1, steps, 2, 2)),
-                            followed, HEAD, self.tail)
+        grown = self.growths(initial_after(self.catalogue.parameters, *about[followed].T), min(
+            int(np.max(lifetimes[followed], initial=1)), ROW))
+        return estimate(lifetimes, censored, grown, followed, HEAD, self.tail)
+
+    def growths(self, initial: RecordArray, steps: int) -> FloatArray:
+        """Return the growths of two directions along trajectories, shape (n, steps, 2)."""
+        rows, _ = record_impacts(initial, 0, steps)
+        _, matrices, _, _ = map_points(np.column_stack(
+            [rows['phase'].ravel(), rows['velocity'].ravel()]), self.catalogue.parameters.model)
+        return growths(matrices.reshape(-1, steps, 2, 2))
 
 
 def rates_of_orbit(orbit: Orbit) -> SaddleRates:
     """Return the rates of a saddle that is one orbit: exact, and nothing but it stays."""
     one, two = orbit.exponents
-    return SaddleRates(one, 0.0, one, 0.0, two, 0.0, 0, orbit.impacts)
+    return SaddleRates(one, 0.0, one, 0.0, two, 0.0, impacts=orbit.impacts)

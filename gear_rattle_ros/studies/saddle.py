@@ -22,8 +22,10 @@ from ..attractors.catalogue import Catalogue
 from ..attractors.plane import Plane
 from ..attractors.saddles import rates_of_orbit, Straddling
 from ..core.defaults import SEED
-from ..core.many.sprinkler import SaddleRates
+from ..core.many.sprinkler import rates_of, SaddleRates
 
+# Independent batches, whose scatter gives the errors.
+PARTS: Final = 8
 # Impacts straddled, and initial conditions sprinkled about them, for `boundary_saddle`.
 STRADDLED: Final = 1000
 SPRINKLED: Final = 40_000
@@ -61,5 +63,5 @@ def boundary_saddle(catalogue: Catalogue, plane: Plane | None = None, *, seed: i
     random = np.random.default_rng(seed)
     points = straddling.follow(plane or Plane(), straddled, random)
     orbit = straddling.orbit_of(points)
-    return straddling.sprinkle(points, sprinkled, random) if orbit is None else rates_of_orbit(
-        orbit)
+    return rates_of_orbit(orbit) if orbit else rates_of(np.stack([
+        straddling.sprinkle(points, sprinkled // PARTS, random) for _ in range(PARTS)]))

@@ -22,6 +22,7 @@ Hsu, Ott & Grebogi, Phys. Lett. A 127, 199, 1988).
 
 import dataclasses
 import math
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +33,13 @@ from ..compiled import kernel
 from ..flight.elementary import length, logarithm
 
 # By this factor both cuts are widened to see what the result owes to them.
-WIDER = 1.5
+WIDER: Final = 1.5
+# Steps over which the scatter of the growth is taken.
+WINDOW: Final = 10
+# What `estimate` returns of each cut.
+QUANTITIES: Final = ('kappa', 'lambda_1', 'lambda_2', 'spread', 'escapes', 'impacts')
+# Of the batches at least this share must have an estimate.
+ENOUGH: Final = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,23 +50,34 @@ class SaddleRates:
     kappa_error: float
     lambda_1: float  #: Larger exponent.
     lambda_1_error: float
-    lambda_2: float
+    lambda_2: float  #: Smaller exponent.
     lambda_2_error: float
-    escapes: int  #: Trajectories that were seen to leave.
-    impacts: int  #: Impacts near the saddle that the exponents are means of.
+    #: Variance of the growth of the first direction; 0 where nothing stays for long enough.
+    spread: float = 0.0
+    escapes: int = 0  #: Trajectories that were seen to leave.
+    impacts: int = 0  #: Impacts near the saddle that the exponents are means of.
 
     @property
     def exponent(self) -> tuple[float, float]:
-        """Uncertainty exponent of the boundary, ``kappa / lambda_1``, and its error [1]."""
-        value = self.kappa / self.lambda_1
-        return value, abs(value) * math.hypot(self.kappa_error / self.kappa if self.kappa else 0.0,
-                                              self.lambda_1_error / self.lambda_1)
+        """
+        Uncertainty exponent of the boundary and its error [1].
+
+        It is two less the box dimension: the root of the pressure, ``mean(stretch^a) = e^kappa``,
+        to the second cumulant. Where all stretch alike it is ``kappa / lambda_1``.
+        """
+        root = math.sqrt(max(self.lambda_1**2 + 2.0 * self.spread * self.kappa, 0.0))
+        value = 2.0 * self.kappa / (self.lambda_1 + root)
+        return value, value * self._relative_error
+
+    @property
+    def _relative_error(self) -> float:
+        return math.hypot(self.kappa_error / self.kappa, self.lambda_1_error / self.lambda_1)
 
     @property
     def dimension_1(self) -> tuple[float, float]:
         """Dimension along the unstable direction, ``1 - kappa / lambda_1``, and its error [1]."""
-        value, error = self.exponent
-        return 1.0 - value, error
+        ratio = self.kappa / self.lambda_1
+        return 1.0 - ratio, ratio * self._relative_error
 
     @property
     def dimension_2(self) -> tuple[float, float]:
@@ -89,20 +107,10 @@ def growths(matrices: FloatArray) -> FloatArray:
     return result
 
 
-def mean_growths(grown: FloatArray, stays: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the mean growths of rows as far as each stays, and their errors by the scatter."""
-    within = np.arange(grown.shape[1]) < np.asarray(stays)[:, None]
-    counts = within.sum(axis=1)
-    total = max(int(counts.sum()), 1)
-    sums = np.where(within[..., None], grown, 0.0).sum(axis=1)
-    means = sums.sum(axis=0) / total
-    return means, np.sqrt(np.sum((sums - counts[:, None] * means)**2, axis=0)) / total
-
-
-def saddle_rates(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: FloatArray,
-                 followed: IntArray, head: int, tail: int) -> SaddleRates:
+def estimate(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: FloatArray,
+             followed: IntArray, head: int, tail: int) -> FloatArray:
     """
-    Estimate the rates of a saddle from sprinkled trajectories.
+    Estimate the rates of a saddle from one batch of sprinkled trajectories, with both cuts.
 
     Parameters
     ----------
@@ -118,21 +126,41 @@ def saddle_rates(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: Fl
 
     Returns
     -------
-    SaddleRates
-        Each error is that of the scatter with the change when both cuts are wider by half.
+    ndarray, shape (2, 6)
+        `QUANTITIES`, with these cuts and with wider ones; nan where nothing is left.
 
     """
-    cuts = [(math.ceil(factor * head), math.ceil(factor * tail)) for factor in (1.0, WIDER)]
-    chances = [escape_rate(lifetimes, censored, sum(cut)) for cut in cuts]
-    means, errors = zip(*(mean_growths(grown[:, first:], lifetimes[followed] - first - last)
-                          for first, last in cuts), strict=True)
-    (one, two), (one_error, two_error) = means[0].tolist(), np.hypot(
-        errors[0], means[1] - means[0]).tolist()
-    impacts = int(np.clip(lifetimes[followed] - sum(cuts[0]), 0, max(
-        grown.shape[1] - head, 0)).sum())
-    escapes, stay = chances[0].escapes, 1.0 - chances[0].rate
-    if not impacts or not chances[1].escapes or not stay > 0.0:
-        return SaddleRates(*[math.nan] * 6, escapes, impacts)
-    # The chance to leave at a step is that of a geometric law.
-    error = math.hypot(chances[0].error, chances[1].rate - chances[0].rate) / stay
-    return SaddleRates(-math.log(stay), error, one, one_error, two, two_error, escapes, impacts)
+    result = np.full((2, len(QUANTITIES)), np.nan)
+    for k, factor in enumerate((1.0, WIDER)):
+        first, last = math.ceil(factor * head), math.ceil(factor * tail)
+        chance = escape_rate(lifetimes, censored, first + last)
+        part = grown[:, first:]
+        stays = np.clip(lifetimes[followed] - first - last, 0, part.shape[1])
+        within = np.arange(part.shape[1]) < stays[:, None]
+        result[k, 4:] = chance.escapes, within.sum()
+        if chance.rate < 1.0:
+            # The chance to leave at a step is that of a geometric law.
+            result[k, 0] = -math.log1p(-chance.rate)
+        if within.any():
+            result[k, 1:3] = part[within].mean(axis=0)
+        windows = part.shape[1] // WINDOW
+        sums = part[:, :windows * WINDOW, 0].reshape(len(part), windows, WINDOW).sum(axis=2)
+        whole = sums[WINDOW * (1 + np.arange(windows)) <= stays[:, None]]
+        if len(whole) > 1:
+            result[k, 3] = whole.var(ddof=1) / WINDOW
+    return result
+
+
+def rates_of(batches: FloatArray) -> SaddleRates:
+    """Combine the estimates of batches, shape (n, 2, 6); nan where too few have any."""
+    # Each error is that of the batch means, with the change where both cuts are wider.
+    known = np.isfinite(batches[:, :, :3])
+    escapes, impacts = batches[:, 0, 4:].sum(axis=0).astype(int).tolist()
+    if not np.all(known.mean(axis=0) >= ENOUGH) or not batches[:, 1, 4].sum():
+        return SaddleRates(*[math.nan] * 6, 0.0, escapes, impacts)
+    means, wider = np.nanmean(batches[:, :, :3], axis=0)
+    scatter = np.nanstd(batches[:, 0, :3], axis=0, ddof=1) / np.sqrt(known[:, 0].sum(axis=0))
+    errors = np.hypot(scatter, wider - means)
+    spreads = batches[:, 0, 3][np.isfinite(batches[:, 0, 3])]
+    return SaddleRates(*np.column_stack([means, errors]).ravel().tolist(),
+                       float(spreads.mean()) if len(spreads) else 0.0, escapes, impacts)
