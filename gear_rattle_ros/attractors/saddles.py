@@ -130,22 +130,23 @@ class Straddling:
         points[:, 0] %= 2.0 * math.pi
         return points
 
-    def orbits_near(self, points: FloatArray) -> dict[str, tuple[Orbit, int]]:
-        """Find the unstable orbits near which impacts stay, and for how many, the most first."""
+    def orbits_near(self, parts: list[FloatArray]) -> list[tuple[Orbit, int]]:
+        """Find the saddle orbits near which trajectories stay, and for how long, longest first."""
         found: dict[str, tuple[Orbit, int]] = {}
-        for first, q, steps in stays(points, LONGEST):
-            part = points[first:first + q]
-            orbit = close_orbit(np.signbit(part[:, 1]).astype(np.int64), part,
-                                self.catalogue.parameters, NEAR)
-            if orbit is not None and not orbit.is_stable:
-                _, before = found.get(orbit.key, (orbit, 0))
-                found[orbit.key] = orbit.canonical(), before + steps
-        return dict(sorted(found.items(), key=lambda item: -item[1][1]))
+        for points in parts:
+            for first, q, steps in stays(points, LONGEST):
+                part = points[first:first + q]
+                orbit = close_orbit(np.signbit(part[:, 1]).astype(np.int64), part,
+                                    self.catalogue.parameters, NEAR)
+                if orbit is not None and not orbit.is_stable:
+                    _, before = found.get(orbit.key, (orbit, 0))
+                    found[orbit.key] = orbit.canonical(), before + steps
+        return sorted(found.values(), key=lambda near: -near[1])
 
     def orbit_of(self, points: FloatArray) -> Orbit | None:
         """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
-        orbit, steps = next(iter(self.orbits_near(points).values()), (None, 0))
-        return orbit if steps >= SETTLED * len(points) else None
+        near = self.orbits_near([points])
+        return near[0][0] if near and near[0][1] >= SETTLED * len(points) else None
 
     def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
                    ) -> FloatArray:

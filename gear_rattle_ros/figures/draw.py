@@ -36,6 +36,7 @@ PICTURES: Final = {
     'lifetimes': {'': 'grids.draw_lifetimes', 'survival': 'grids.draw_survival'},
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
+    'saddle': {'': 'saddle.draw_saddle'},
     'section': {'': 'section.draw_section'},
 }
 
