@@ -29,10 +29,9 @@ from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RESULT, UNSETTLED
 from ..core.many.sprinkler import estimate, growths, SaddleRates
 from ..core.model import STICKING_SPEED
-from ..core.model import STICKING_SPEED
 from ..core.orbits.impact_map import map_points
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
-from ..core.orbits.section import turn
+from ..core.orbits.section import distances, turn
 from ..core.orbits.straddle import (
     any_change,
     FINE,
@@ -41,6 +40,7 @@ from ..core.orbits.straddle import (
     stays,
     straddle,
 )
+from ..core.words import counted
 
 # Impacts for which initial conditions are followed to the section, and how many are drawn at once.
 ARRIVE: Final = 3
@@ -50,6 +50,9 @@ TRIES: Final = 64
 TOGETHER: Final = 0.1
 # Longest orbits that are recognised on a saddle [impacts].
 LONGEST: Final = 12
+# Close returns at each period that are tried, and orbits on a saddle that are listed.
+SEEDS: Final = 12
+LISTED: Final = 12
 # Of a straddle trajectory that has come to an orbit, this share of the steps is near it.
 SETTLED: Final = 0.5
 # Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
@@ -102,7 +105,8 @@ class Straddling:
         for _ in range(TRIES):
             initial = plane.draw(self.catalogue.parameters, DRAWN, int(random.integers(1 << 31)))
             rows, made = record_impacts(initial, ARRIVE, 1)
-            points = np.column_stack([rows[made > 0][name][:, 0] for name in ('phase', 'velocity')])
+            rows = rows[made > 0, 0]
+            points = np.column_stack([rows['phase'], rows['velocity']])
             upper = points[:, 1] > 0.0
             points = points[upper == (np.sum(upper) >= 0.5 * len(points))]
             values = self.values(points)
@@ -113,20 +117,26 @@ class Straddling:
 
     def follow(self, plane: Plane, steps: int, random: np.random.Generator) -> FloatArray:
         """Return a straddle trajectory of impacts (phase, velocity), shape (steps, 2)."""
+        settled = sum(each.label != UNSETTLED for each in self.catalogue.attractors)
+        if self.is_edge and settled < 2:
+            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: there is no boundary '
+                             f'of basins, as {counted(settled, "attractor")} is all that initial '
+                             'conditions reach; follow a transient with --transient')
         # After a loss, it goes on elsewhere.
         parts, made = [np.zeros((0, 2))], 0
         for _ in range(TRIES):
             ends = self.segment(plane, random) if made < steps else None
             if ends is None:
                 break
-            parts.append(straddle(ends, self.advance, self.values, any_change if self.is_edge
-                                  else longest_lived(self.far), HEAD + steps - made, random)[HEAD:])
+            choose = any_change if self.is_edge else longest_lived(self.far)
+            parts.append(straddle(ends, self.advance, self.values, choose, HEAD + steps - made,
+                                  random)[HEAD:])
             made += len(parts[-1])
         points = np.concatenate(parts)
         if not len(points):
             raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: random initial '
-                             'conditions show no boundary and no saddle; take another window or '
-                             'another alpha')
+                             'conditions show nothing to straddle; take another window or another '
+                             'alpha')
         points[:, 0] %= 2.0 * math.pi
         return points
 
@@ -135,13 +145,30 @@ class Straddling:
         found: dict[str, tuple[Orbit, int]] = {}
         for points in parts:
             for first, q, steps in stays(points, LONGEST):
-                part = points[first:first + q]
-                orbit = close_orbit(np.signbit(part[:, 1]).astype(np.int64), part,
-                                    self.catalogue.parameters, NEAR)
-                if orbit is not None and not orbit.is_stable:
-                    _, before = found.get(orbit.key, (orbit, 0))
-                    found[orbit.key] = orbit.canonical(), before + steps
+                orbit = self._close(points[first:first + q])
+                if orbit is not None:
+                    found[orbit.key] = orbit, found.get(orbit.key, (orbit, 0))[1] + steps
         return sorted(found.values(), key=lambda near: -near[1])
+
+    def orbits_on(self, points: FloatArray) -> list[Orbit]:
+        """Find the shortest orbits on a saddle, from close returns of impacts on it."""
+        found: dict[str, Orbit] = {}
+        for q in range(1, LONGEST + 1):
+            apart = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
+            for k in np.argsort(apart)[:SEEDS].tolist():
+                orbit = self._close(points[k:k + q]) if apart[k] < NEAR else None
+                # All of it near the impacts: a seed may lead elsewhere.
+                if orbit and all(np.min(distances(points[:, 1], points[:, 0], velocity, phase))
+                                 < NEAR for phase, velocity in orbit.points.tolist()):
+                    found[orbit.key] = orbit
+            if len(found) >= LISTED:
+                break
+        return sorted(found.values(), key=lambda orbit: orbit.impacts)[:LISTED]
+
+    def _close(self, points: FloatArray) -> Orbit | None:
+        orbit = close_orbit(np.signbit(points[:, 1]).astype(np.int64), points,
+                            self.catalogue.parameters, NEAR)
+        return None if orbit is None or orbit.is_stable else orbit.canonical()
 
     def orbit_of(self, points: FloatArray) -> Orbit | None:
         """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
@@ -151,11 +178,13 @@ class Straddling:
     def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
                    ) -> FloatArray:
         """Straddle the boundary that is met first from an attractor; no steps where none is."""
-        inside = attractor.points()
-        own = inside[random.integers(len(inside)), 1:] if len(inside) else None
-        for _ in range(TRIES if own is not None else 0):
-            other = np.array([random.uniform(0.0, 2.0 * math.pi), own[1] * random.uniform(0.0, 2.0)])
-            ends = np.array([own, other])
+        inside = attractor.points()[:, 1:]
+        for _ in range(TRIES):
+            # At rest there are no impacts.
+            own = (inside[random.integers(len(inside))] if len(inside) else
+                   random.uniform([0.0, -1.0], [2.0 * math.pi, 1.0]))
+            ends = np.array([own, [random.uniform(0.0, 2.0 * math.pi),
+                                   own[1] * random.uniform(0.0, 2.0)]])
             labels = self.values(ends)
             if labels[1] != attractor.label == labels[0]:
                 return straddle(ends, self.advance, lambda points: np.asarray(

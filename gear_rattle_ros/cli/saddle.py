@@ -23,10 +23,11 @@ from ..core import defaults
 
 def _add_options(parser: Parser) -> None:
     options.add_model(parser)
-    parser.add_argument('--transient', action='store_true', help='follow the chaotic saddle of a '
-                        'transient, by lifetimes; by default the boundary of all basins, by labels')
+    parser.add_argument('--transient', action='store_true', help='follow the chaotic saddle of '
+                        'a transient, by lifetimes; by default the boundary of all basins, by '
+                        'labels')
     add(parser, 'straddled', whole(100), 2000, 'impacts of the straddle trajectories')
-    add(parser, 'sprinkled', whole(100), 40_000, 'initial conditions sprinkled about them')
+    add(parser, 'sprinkled', whole(100), 20_000, 'initial conditions sprinkled about them')
     options.add_initial(parser)
     options.add_plane(parser)
     options.add_search(parser, hold=defaults.LIFETIMES_HOLD)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Edge states on boundaries of basins, chaotic saddles of transients: where they are, their rates."""
+"""Edge states on boundaries of basins and chaotic saddles of transients, with their rates."""
 
 import functools
 import math
@@ -21,8 +21,12 @@ from typing import Any, Final, Unpack
 
 import numpy as np
 
-from .attractors import describe as describe_attractors
-from .attractors import identity_of, require_tolerance, write_attractors
+from .attractors import (
+    describe as describe_attractors,
+    identity_of,
+    require_tolerance,
+    write_attractors,
+)
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
@@ -45,12 +49,11 @@ NAME: Final = 'saddle'
 PARTS: Final = 8
 # Impacts straddled, and initial conditions sprinkled about them.
 STRADDLED: Final = 2000
-SPRINKLED: Final = 40_000
+SPRINKLED: Final = 20_000
 # Segments from each attractor to the boundary of its basin, and impacts of each that is straddled.
 RAYS: Final = 4
 REACHED: Final = 150
-# Orbits that are listed, and how near a trajectory is to the saddle [rad, 1].
-LISTED: Final = 12
+# How near a trajectory is to the saddle [rad, 1].
 NEAR: Final = 0.05
 # Impacts of a trajectory that are compared with the saddle at the most.
 COMPARED: Final = 4000
@@ -98,12 +101,15 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
         straddled=straddled, sprinkled=sprinkled, tolerance=tolerance, seed=seed,
         initial_conditions=initial_conditions, hold=hold,
         **{'initial': list(initial)} if initial else {})))
-    if not store.pending() and store.has_table('orbit_key'):
+    if not store.pending() and store.has_table('orbit_key') and (
+            initial is None or 'transient' in store.attrs):
         return store
     drawn = plane.draw(parameters, initial_conditions, seed)
     straddling = Straddling(find_attractors(
         parameters, drawn, tolerance=tolerance, hold=hold, chaotic=not transient,
         threads=work.threads, cluster=work.cluster), not transient, hold)
+    alone = initial_condition(parameters, *initial) if initial else drawn[:0]
+    lifetime = _lifetime(straddling, alone) if initial else 0
     with work.pending(NAME, store, lambda tile: 1) as (tiles, finished):
         work.run(functools.partial(_fill, straddling, plane, seed, store.path), tiles, finished)
     write_attractors(store, straddling.catalogue)
@@ -111,7 +117,7 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
     if initial:
         store.set_attributes(_compare(straddling, np.column_stack([
             store.read_all(name).ravel() for name in ('phase', 'velocity')]),
-            initial_condition(parameters, *initial)))
+            alone, lifetime))
     return store
 
 
@@ -131,18 +137,17 @@ def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
     """Write the rates, and the orbits, of a store whose parts are complete."""
     parts = [points[np.isfinite(points[:, 0])] for points in np.stack(
         [store.read_all('phase'), store.read_all('velocity')], axis=2)]
-    orbit = straddling.orbit_of(np.concatenate(parts))
+    points = np.concatenate(parts)
+    orbit = straddling.orbit_of(points)
     rates = rates_of_orbit(orbit) if orbit else rates_of(store.read_all('estimate'))
-    # The shortest orbits first; those of an attractor by how long it is near them.
-    found = [('', each, steps, sum(map(len, parts))) for each, steps in sorted(
-        straddling.orbits_near(parts), key=lambda near: near[0].impacts)[:LISTED]]
+    found = [('', each, 0, 0) for each in ([orbit] if orbit else straddling.orbits_on(points))]
     random = np.random.default_rng([seed, PARTS])
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
         rays = [straddling.accessible(each, REACHED, random) for _ in range(RAYS)]
         found += [(each.key, one, steps, sum(map(len, rays)))
                   for one, steps in straddling.orbits_near(rays)[:1]]
     orbits = [one for _, one, _, _ in found]
-    points = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
+    hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
     values = [(rates.kappa, rates.kappa_error), (rates.lambda_1, rates.lambda_1_error),
               (rates.lambda_2, rates.lambda_2_error), rates.dimension_1, rates.dimension_2,
               rates.exponent]
@@ -154,29 +159,35 @@ def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
         ('rate_error', ('rate',), [error for _, error in values], 'its standard error', '1'),
         ('orbit_key', ('orbit',), [one.key for one in orbits], 'name of the orbit', ''),
         ('orbit_side', ('orbit',), [side for side, _, _, _ in found], 'attractor from which it is '
-         'accessible, empty for an orbit near which the straddle trajectories stay', ''),
+         'accessible, empty for an orbit on the saddle', ''),
         ('orbit_impacts', ('orbit',), [one.impacts for one in orbits], 'impacts of a period', '1'),
         ('orbit_multiplier', ('orbit', 'pair'), np.reshape(
             [one.multipliers.real for one in orbits], (-1, 2)), 'multipliers of a period', '1'),
         ('orbit_near', ('orbit',), [steps for _, _, steps, _ in found],
-         'impacts straddled near it', '1'),
+         'impacts near it on the way from that attractor', '1'),
         ('orbit_straddled', ('orbit',), [made for _, _, _, made in found], 'of so many', '1'),
-        ('orbit_point_phase', ('orbit_point',), points[:, 0], 'drive phase of its impacts', 'rad'),
-        ('orbit_point_velocity', ('orbit_point',), points[:, 1], 'velocity before them', '1'),
+        ('orbit_point_phase', ('orbit_point',), hits[:, 0], 'drive phase of its impacts', 'rad'),
+        ('orbit_point_velocity', ('orbit_point',), hits[:, 1], 'velocity before them', '1'),
         ('orbit_point_number', ('orbit_point',), np.repeat(
             np.arange(len(orbits)), [one.impacts for one in orbits]), 'orbit of the point', '1'))})
     store.set_attributes({'is_orbit': orbit.key if orbit else '', 'escapes': rates.escapes,
                           'impacts': rates.impacts})
 
 
-def _compare(straddling: Straddling, points: FloatArray, initial: RecordArray) -> dict[str, Any]:
-    """Compare the transient of one trajectory with the saddle on which impacts lie."""
+def _lifetime(straddling: Straddling, initial: RecordArray) -> int:
+    """Return how long one trajectory is transient; refuse what is too short to be compared."""
     (result,) = straddling.catalogue.label(initial)
     lifetime = int(result['impacts' if result['label'] == UNSETTLED else 'lifetime'])
-    stays = lifetime - straddling.tail
-    if stays < 2 * HEAD:
+    if lifetime < straddling.tail + 2 * HEAD:
         raise ValueError(f'the transient from --initial lasts {counted(lifetime, "impact")}, too '
                          'short to compare; take another initial condition')
+    return lifetime
+
+
+def _compare(straddling: Straddling, points: FloatArray, initial: RecordArray, lifetime: int
+             ) -> dict[str, Any]:
+    """Compare the transient of one trajectory with the saddle on which impacts lie."""
+    stays = lifetime - straddling.tail
     grown = straddling.growths(initial, min(stays, COMPARED))[0, HEAD:]
     batches = np.array([part.mean(axis=0) for part in np.array_split(grown, PARTS)])
     rows, _ = record_impacts(initial, HEAD, min(stays, COMPARED) - HEAD)
@@ -203,21 +214,27 @@ def describe(dataset: Arrays) -> str:
         lines[0] += (f': {counted(a["escapes"], "escape")}, '
                      f'{counted(a["impacts"], "impact")} near it')
     lines.append(in_columns(['rate', '', 'value [1]'], [
-        [words, name, f'{rates[name][0]:.6f} +- {rates[name][1]:.1g}']
+        [words, name, with_error(*rates[name])]
         for name, words in RATES.items()]))
     if 'transient' in a:
         one, two = zip(a['transient_exponents'], a['transient_errors'], strict=True)
         lines.append(f'transient of {counted(a["transient"], "impact")}: exponents '
-                     f'{one[0]:.4f} +- {one[1]:.1g} and {two[0]:.4f} +- {two[1]:.1g}; '
+                     f'{with_error(*one)} and {with_error(*two)}; '
                      f'{a["transient_near"]:.1%} of its impacts are within {NEAR} of the saddle')
     rows = [[f'accessible from {side}' if side else 'on it', key, str(q),
-             f'{pair[0]:+.4f} {pair[1]:+.4f}', f'{steps} of {total}']
+             f'{pair[0]:+.5g} {pair[1]:+.5g}', f'{steps} of {total}' * bool(side)]
             for key, side, q, pair, steps, total in zip(
                 keys, sides, impacts, multipliers, near, made, strict=True)]
     if rows:
         lines.append(in_columns(['orbit', 'key', ' impacts', 'multipliers', ' straddled near it'],
                                 rows))
     return describe_attractors(dataset, beside='\n'.join(lines))
+
+
+def with_error(value: float, error: float) -> str:
+    """Write a value to the second digit of its error, or to ten digits where it is exact."""
+    digits = 1 - math.floor(math.log10(error)) if error > 0.0 else 10
+    return f'{value:.{digits}f} +- {error:.{digits}f}' if error > 0.0 else f'{value:.{digits}f}'
 
 
 def _layout(identity: dict[str, Any]) -> Layout:

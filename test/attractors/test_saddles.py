@@ -12,19 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Edge states and saddles of the gear, against closed forms and other routes to the same numbers."""
+"""Edge states and saddles of the gear, against closed forms and exact identities."""
 
 import math
+
+import numpy as np
+import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.saddles import Straddling
+from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.impact_map import map_points
 from gear_rattle_ros.core.orbits.section import distances
 from gear_rattle_ros.studies.saddle import boundary_saddle
-import numpy as np
-import pytest
 
 
 def straddling(alpha: float, is_edge: bool, cap: int) -> Straddling:
@@ -64,3 +66,15 @@ def test_a_straddle_trajectory_is_one_and_lies_on_the_boundary() -> None:
     beside = points[:40, None] + 1e-5 * np.random.default_rng(2).standard_normal((40, 24, 2))
     labels = found.values(beside.reshape(-1, 2)).reshape(40, 24)
     assert np.mean(np.ptp(labels, axis=1) > 0) > 0.95
+
+
+def test_growths_add_up_to_what_each_flight_and_impact_loses() -> None:
+    """Exact, by eq. (9): the determinant is r^2 exp(-beta d) v/v', whatever the trajectory."""
+    found = straddling(1.244, False, 20_000)
+    initial = Plane().draw(found.catalogue.parameters, 8, 3)
+    rows, made = record_impacts(initial, 0, 31)
+    assert np.all(made == 31)
+    times = 2.0 * math.pi * np.diff(rows['cycle'], axis=1) + np.diff(rows['phase'], axis=1)
+    speeds = np.abs(rows['velocity'])
+    assert found.growths(initial, 31)[:, :30].sum(axis=2) == pytest.approx(
+        2.0 * math.log(0.9) - 0.1 * times + np.log(speeds[:, :-1] / speeds[:, 1:]), abs=1e-9)

@@ -16,6 +16,10 @@
 
 import math
 
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
 from gear_rattle_ros.core.arrays import FloatArray, IntArray
 from gear_rattle_ros.core.many.sprinkler import estimate, growths, rates_of, SaddleRates
 from gear_rattle_ros.core.orbits.straddle import (
@@ -26,9 +30,6 @@ from gear_rattle_ros.core.orbits.straddle import (
     stays,
     straddle,
 )
-import numpy as np
-import pytest
-from scipy.optimize import brentq
 
 # A baker's map with a hole: two strips are stretched, and squeezed, by these.
 STRETCH, SQUEEZE = np.array([2.5, 4.0]), np.array([0.3, 0.2])

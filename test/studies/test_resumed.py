@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Diagrams, continuation and the crisis are the same after Ctrl-C, and from a cluster."""
+"""Diagrams, continuation, the crisis and saddles are the same after Ctrl-C, and from a cluster."""
 
 from pathlib import Path
 import shlex
@@ -24,18 +24,20 @@ import time
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import continuation, crisis, orbit_diagram, transitions
+from gear_rattle_ros.cli import continuation, crisis, orbit_diagram, saddle, transitions
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
-         'crisis': crisis.main, 'transitions': transitions.main}
+         'crisis': crisis.main, 'saddle': saddle.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
     'orbit_diagram': ('--alpha 0.48 0.52 --columns 64 --bins 300 --trajectories 32 --skip 3000 '
                       '--keep 512', 24, ('count', 'exponent', 'end_state', 'attractor')),
     'continuation': ('--alpha 0.5 0.54 --columns 64 --trajectories 32 --hold 1000 --tolerance '
                      '1e-3', 8, ('count', 'share', 'event_alpha')),
+    'saddle': ('--initial-conditions 100 --straddled 1600 --sprinkled 16000', 8,
+               ('phase', 'estimate', 'rate_value', 'orbit_near')),
     'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48,
                ('lifetime', 'fate', 'escape_rate')),
     'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '

@@ -15,9 +15,8 @@
 """
 Escape rate, exponents and dimensions of a saddle, from initial conditions sprinkled about it.
 
-Those that live long come near the saddle, stay, and leave. Left out the first impacts and the last,
-their points have the natural measure of the saddle (Kantz & Grassberger, Physica D 17, 75, 1985;
-Hsu, Ott & Grebogi, Phys. Lett. A 127, 199, 1988).
+Those that live long come near the saddle, stay, and leave. Without the first impacts and the last
+their points have the natural measure of the saddle (Kantz & Grassberger, Physica D 17, 75, 1985).
 """
 
 import dataclasses
@@ -156,11 +155,13 @@ def rates_of(batches: FloatArray) -> SaddleRates:
     # Each error is that of the batch means, with the change where both cuts are wider.
     known = np.isfinite(batches[:, :, :3])
     escapes, impacts = batches[:, 0, 4:].sum(axis=0).astype(int).tolist()
-    if not np.all(known.mean(axis=0) >= ENOUGH) or not batches[:, 1, 4].sum():
-        return SaddleRates(*[math.nan] * 6, 0.0, escapes, impacts)
-    means, wider = np.nanmean(batches[:, :, :3], axis=0)
-    scatter = np.nanstd(batches[:, 0, :3], axis=0, ddof=1) / np.sqrt(known[:, 0].sum(axis=0))
-    errors = np.hypot(scatter, wider - means)
-    spreads = batches[:, 0, 3][np.isfinite(batches[:, 0, 3])]
-    return SaddleRates(*np.column_stack([means, errors]).ravel().tolist(),
-                       float(spreads.mean()) if len(spreads) else 0.0, escapes, impacts)
+    means, errors, spread = np.full(3, np.nan), np.full(3, np.nan), 0.0
+    if np.all(known.mean(axis=0) >= ENOUGH) and batches[:, 1, 4].sum():
+        means, wider = np.nanmean(batches[:, :, :3], axis=0)
+        scatter = np.nanstd(batches[:, 0, :3], axis=0, ddof=1) / np.sqrt(known[:, 0].sum(axis=0))
+        errors = np.hypot(scatter, wider - means)
+        spreads = batches[:, 0, 3][np.isfinite(batches[:, 0, 3])]
+        spread = float(spreads.mean()) if len(spreads) else 0.0
+    (kappa, one, two), (kappa_error, one_error, two_error) = means.tolist(), errors.tolist()
+    return SaddleRates(kappa, kappa_error, one, one_error, two, two_error, spread, escapes,
+                       impacts)

@@ -66,7 +66,7 @@ def first_change(values: IntArray, random: np.random.Generator) -> tuple[int, in
 
 
 def longest_lived(cap: int) -> Choice:
-    """Make the choice of the piece about a longest lifetime, between shorter ones if below a cap."""
+    """Make the choice of a piece about a longest lifetime, between shorter ones below a cap."""
     def choose(values: IntArray, random: np.random.Generator) -> tuple[int, int] | None:
         longest = values.max()
         k = int(random.choice(np.flatnonzero(values == longest)))
