@@ -37,7 +37,6 @@ from ..core.orbits.straddle import (
     FINE,
     first_change,
     longest_lived,
-    stays,
     straddle,
 )
 from ..core.words import counted
@@ -50,9 +49,11 @@ TRIES: Final = 64
 TOGETHER: Final = 0.1
 # Longest orbits that are recognised on a saddle [impacts].
 LONGEST: Final = 12
-# Close returns at each period that are tried, and orbits on a saddle that are listed.
+# Close returns at each period that are tried, and orbits on a saddle that are enough.
 SEEDS: Final = 12
 LISTED: Final = 12
+# Impacts as near as this are near an orbit [rad, 1].
+CLOSE: Final = 0.01
 # Of a straddle trajectory that has come to an orbit, this share of the steps is near it.
 SETTLED: Final = 0.5
 # Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
@@ -75,22 +76,17 @@ class Straddling:
     is_edge: bool  # labels are compared; else lifetimes
     cap: int  # impacts after which a point is given up
 
-    def results(self, points: FloatArray, cap: int | None = None) -> RecordArray:
+    def results(self, points: FloatArray, cap: int) -> RecordArray:
         """Return the RESULT of impacts (phase, velocity before)."""
         results = np.zeros(len(points), RESULT)
         follow_here(initial_after(self.catalogue.parameters, points[:, 0], points[:, 1]),
-                    cap or self.cap, self.catalogue.table, results)
+                    cap, self.catalogue.table, results)
         return results
 
     def values(self, points: FloatArray) -> IntArray:
-        """Return their labels, or as far as it matters here their lifetimes."""
-        return np.asarray(self.results(points)['label'] if self.is_edge else
-                          self.results(points, self.far)['lifetime'], np.int64)
-
-    @functools.cached_property
-    def far(self) -> int:
-        """Impacts after which a lifetime is long: the segment still is near the saddle."""
-        return min(self.cap, FAR * self.tail)
+        """Return their labels, or their lifetimes as far as it matters here."""
+        name, cap = ('label', self.cap) if self.is_edge else ('lifetime', FAR * self.tail)
+        return np.asarray(self.results(points, cap)[name], np.int64)
 
     def advance(self, points: FloatArray) -> FloatArray | None:
         """Map points near each other to their next impacts, if these are near each other, too."""
@@ -128,7 +124,7 @@ class Straddling:
             ends = self.segment(plane, random) if made < steps else None
             if ends is None:
                 break
-            choose = any_change if self.is_edge else longest_lived(self.far)
+            choose = any_change if self.is_edge else longest_lived(FAR * self.tail)
             parts.append(straddle(ends, self.advance, self.values, choose, HEAD + steps - made,
                                   random)[HEAD:])
             made += len(parts[-1])
@@ -140,40 +136,30 @@ class Straddling:
         points[:, 0] %= 2.0 * math.pi
         return points
 
-    def orbits_near(self, parts: list[FloatArray]) -> list[tuple[Orbit, int]]:
-        """Find the saddle orbits near which trajectories stay, and for how long, longest first."""
+    def orbits_near(self, points: FloatArray) -> list[tuple[Orbit, int]]:
+        """Find the saddle orbits that close returns show, and how many impacts are near each."""
         found: dict[str, tuple[Orbit, int]] = {}
-        for points in parts:
-            for first, q, steps in stays(points, LONGEST):
-                orbit = self._close(points[first:first + q])
-                if orbit is not None:
-                    found[orbit.key] = orbit, found.get(orbit.key, (orbit, 0))[1] + steps
-        return sorted(found.values(), key=lambda near: -near[1])
-
-    def orbits_on(self, points: FloatArray) -> list[Orbit]:
-        """Find the shortest orbits on a saddle, from close returns of impacts on it."""
-        found: dict[str, Orbit] = {}
         for q in range(1, LONGEST + 1):
-            apart = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
-            for k in np.argsort(apart)[:SEEDS].tolist():
-                orbit = self._close(points[k:k + q]) if apart[k] < NEAR else None
-                # All of it near the impacts: a seed may lead elsewhere.
-                if orbit and all(np.min(distances(points[:, 1], points[:, 0], velocity, phase))
-                                 < NEAR for phase, velocity in orbit.points.tolist()):
-                    found[orbit.key] = orbit
+            back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
+            for k in np.argsort(back)[:SEEDS].tolist():
+                walls = np.signbit(points[k:k + q, 1]).astype(np.int64)
+                orbit = close_orbit(walls, points[k:k + q], self.catalogue.parameters,
+                                    NEAR) if back[k] < NEAR else None
+                if orbit is None or orbit.is_stable:
+                    continue
+                apart = distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
+                                  orbit.phases[:, None])
+                # All of it, as a seed may lead elsewhere.
+                if np.all(np.min(apart, axis=1) < NEAR):
+                    found[orbit.key] = orbit.canonical(), int(np.sum(apart < CLOSE))
             if len(found) >= LISTED:
                 break
-        return sorted(found.values(), key=lambda orbit: orbit.impacts)[:LISTED]
-
-    def _close(self, points: FloatArray) -> Orbit | None:
-        orbit = close_orbit(np.signbit(points[:, 1]).astype(np.int64), points,
-                            self.catalogue.parameters, NEAR)
-        return None if orbit is None or orbit.is_stable else orbit.canonical()
+        return list(found.values())
 
     def orbit_of(self, points: FloatArray) -> Orbit | None:
         """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
-        near = self.orbits_near([points])
-        return near[0][0] if near and near[0][1] >= SETTLED * len(points) else None
+        return next((orbit for orbit, count in self.orbits_near(points)
+                     if count >= SETTLED * len(points)), None)
 
     def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
                    ) -> FloatArray:
@@ -208,7 +194,7 @@ class Straddling:
         """Return an `estimate` from one batch of initial conditions about impacts on a saddle."""
         about = points[random.integers(len(points), size=count)]
         about = about + SPREAD * (2.0 * random.random(about.shape) - 1.0)
-        results = self.results(about)
+        results = self.results(about, self.cap)
         # Those that stick go on as one.
         about, results = (each[np.isnan(results['release'])] for each in (about, results))
         censored = results['label'] == UNSETTLED

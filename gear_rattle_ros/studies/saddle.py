@@ -115,9 +115,7 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
     write_attractors(store, straddling.catalogue)
     _write_results(store, straddling, seed)
     if initial:
-        store.set_attributes(_compare(straddling, np.column_stack([
-            store.read_all(name).ravel() for name in ('phase', 'velocity')]),
-            alone, lifetime))
+        store.set_attributes(_compare(straddling, _straddled(store), alone, lifetime))
     return store
 
 
@@ -133,20 +131,25 @@ def _fill(straddling: Straddling, plane: Plane, seed: int, output: Path, tile: i
     return 0
 
 
+def _straddled(store: Store) -> FloatArray:
+    points = np.column_stack([store.read_all(name).ravel() for name in ('phase', 'velocity')])
+    return points[np.isfinite(points[:, 0])]
+
+
 def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
     """Write the rates, and the orbits, of a store whose parts are complete."""
-    parts = [points[np.isfinite(points[:, 0])] for points in np.stack(
-        [store.read_all('phase'), store.read_all('velocity')], axis=2)]
-    points = np.concatenate(parts)
+    points = _straddled(store)
     orbit = straddling.orbit_of(points)
     rates = rates_of_orbit(orbit) if orbit else rates_of(store.read_all('estimate'))
-    found = [('', each, 0, 0) for each in ([orbit] if orbit else straddling.orbits_on(points))]
+    found = [('', each, near) for each, near in straddling.orbits_near(points)
+             if orbit is None or each.key == orbit.key]
     random = np.random.default_rng([seed, PARTS])
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
-        rays = [straddling.accessible(each, REACHED, random) for _ in range(RAYS)]
-        found += [(each.key, one, steps, sum(map(len, rays)))
-                  for one, steps in straddling.orbits_near(rays)[:1]]
-    orbits = [one for _, one, _, _ in found]
+        rays = np.concatenate([straddling.accessible(each, REACHED, random)
+                               for _ in range(RAYS)])
+        found += [(each.key, *near) for near in sorted(
+            straddling.orbits_near(rays), key=lambda near: -near[1] / near[0].impacts)[:1]]
+    orbits = [one for _, one, _ in found]
     hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
     values = [(rates.kappa, rates.kappa_error), (rates.lambda_1, rates.lambda_1_error),
               (rates.lambda_2, rates.lambda_2_error), rates.dimension_1, rates.dimension_2,
@@ -158,14 +161,13 @@ def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
          '1'),
         ('rate_error', ('rate',), [error for _, error in values], 'its standard error', '1'),
         ('orbit_key', ('orbit',), [one.key for one in orbits], 'name of the orbit', ''),
-        ('orbit_side', ('orbit',), [side for side, _, _, _ in found], 'attractor from which it is '
+        ('orbit_side', ('orbit',), [side for side, _, _ in found], 'attractor from which it is '
          'accessible, empty for an orbit on the saddle', ''),
         ('orbit_impacts', ('orbit',), [one.impacts for one in orbits], 'impacts of a period', '1'),
         ('orbit_multiplier', ('orbit', 'pair'), np.reshape(
             [one.multipliers.real for one in orbits], (-1, 2)), 'multipliers of a period', '1'),
-        ('orbit_near', ('orbit',), [steps for _, _, steps, _ in found],
-         'impacts near it on the way from that attractor', '1'),
-        ('orbit_straddled', ('orbit',), [made for _, _, _, made in found], 'of so many', '1'),
+        ('orbit_near', ('orbit',), [near for _, _, near in found], 'impacts straddled near it',
+         '1'),
         ('orbit_point_phase', ('orbit_point',), hits[:, 0], 'drive phase of its impacts', 'rad'),
         ('orbit_point_velocity', ('orbit_point',), hits[:, 1], 'velocity before them', '1'),
         ('orbit_point_number', ('orbit_point',), np.repeat(
@@ -203,9 +205,6 @@ def describe(dataset: Arrays) -> str:
     a = dataset.attrs
     rates = {str(name): (float(value), float(error)) for name, value, error in zip(
         *(dataset[f'rate_{name}'].values for name in ('name', 'value', 'error')), strict=True)}
-    keys, sides, impacts, near, made = (dataset[f'orbit_{name}'].values for name in (
-        'key', 'side', 'impacts', 'near', 'straddled'))
-    multipliers = dataset['orbit_multiplier'].values
     what = ('the chaotic saddle of the transient' if a['straddles'] == 'lifetimes' else
             'the boundary of the basins')
     lines = [f'{what} holds the orbit {a["is_orbit"]} alone' if a['is_orbit'] else
@@ -222,9 +221,9 @@ def describe(dataset: Arrays) -> str:
                      f'{with_error(*one)} and {with_error(*two)}; '
                      f'{a["transient_near"]:.1%} of its impacts are within {NEAR} of the saddle')
     rows = [[f'accessible from {side}' if side else 'on it', key, str(q),
-             f'{pair[0]:+.5g} {pair[1]:+.5g}', f'{steps} of {total}' * bool(side)]
-            for key, side, q, pair, steps, total in zip(
-                keys, sides, impacts, multipliers, near, made, strict=True)]
+             f'{pair[0]:+.5g} {pair[1]:+.5g}', str(near)]
+            for key, side, q, pair, near in zip(*(dataset[f'orbit_{name}'].values for name in (
+                'key', 'side', 'impacts', 'multiplier', 'near')), strict=True)]
     if rows:
         lines.append(in_columns(['orbit', 'key', ' impacts', 'multipliers', ' straddled near it'],
                                 rows))
@@ -253,32 +252,9 @@ def _layout(identity: dict[str, Any]) -> Layout:
 
 def boundary_saddle(catalogue: Catalogue, plane: Plane | None = None, *, seed: int = SEED,
                     straddled: int = STRADDLED, sprinkled: int = SPRINKLED) -> SaddleRates:
-    """
-    Estimate the rates of the saddle on the boundary of all basins of a catalogue.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        The attractors; two at least, or rest beside one.
-    plane : Plane, optional
-        From which initial conditions on both sides of the boundary are drawn.
-    seed : int
-        Of all random choices.
-    straddled, sprinkled : int
-        As `saddle` takes them.
-
-    Returns
-    -------
-    SaddleRates
-        Escape rate, exponents and what follows from them, exact where the boundary holds one
-        orbit; nan where too few trajectories stay long enough.
-
-    Raises
-    ------
-    ValueError
-        Where initial conditions show no boundary.
-
-    """
+    """Estimate the rates of the saddle on the boundary of all basins of a catalogue."""
+    # They are exact where that is one orbit, and nan where too few trajectories stay long enough;
+    # ValueError where there is no boundary.
     straddling = Straddling(catalogue, True, catalogue.hold)
     random = np.random.default_rng(seed)
     points = straddling.follow(plane or Plane(), straddled, random)

@@ -27,7 +27,6 @@ from gear_rattle_ros.core.orbits.straddle import (
     FINE,
     first_change,
     longest_lived,
-    stays,
     straddle,
 )
 
@@ -201,12 +200,3 @@ def test_a_break_between_the_ends_is_left_aside() -> None:
     assert len(straddle(ends, nowhere, label, any_change, 5, np.random.default_rng(4))) == 0
     # Nothing changes on it.
     assert len(straddle(0.1 * ends, torn, label, any_change, 5, np.random.default_rng(4))) == 0
-
-
-def test_stretches_near_orbits_are_found() -> None:
-    """A trajectory that visits an orbit of two, wanders, and visits one of three."""
-    random = np.random.default_rng(5)
-    two, three = random.random((2, 2)), random.random((3, 2))
-    points = np.concatenate([np.tile(two, (5, 1)), 1.0 + random.random((9, 2)),
-                             np.tile(three, (4, 1))])
-    assert [(q, steps) for _, q, steps in stays(points, 6)] == [(2, 10), (3, 12)]

@@ -108,27 +108,11 @@ def growths(matrices: FloatArray) -> FloatArray:
 
 def estimate(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: FloatArray,
              followed: IntArray, head: int, tail: int) -> FloatArray:
-    """
-    Estimate the rates of a saddle from one batch of sprinkled trajectories, with both cuts.
-
-    Parameters
-    ----------
-    lifetimes, censored : ndarray, shape (n,)
-        Steps until each trajectory left or was given up, and whether it was given up.
-    grown : ndarray, shape (m, steps, 2)
-        Growths of two directions along some of them, from the first step on.
-    followed : ndarray, shape (m,)
-        The numbers of these.
-    head, tail : int
-        Steps after which a trajectory is near the saddle, and before its end from which on it is
-        not any more.
-
-    Returns
-    -------
-    ndarray, shape (2, 6)
-        `QUANTITIES`, with these cuts and with wider ones; nan where nothing is left.
-
-    """
+    """Estimate the rates of a saddle from one batch of trajectories with both cuts."""
+    # `lifetimes` are steps, until a trajectory left or was given up as `censored`; of those whose
+    # numbers are `followed`, `grown` has the growths from the first step on, shape (m, steps, 2).
+    # They are near the saddle after `head` steps, and until `tail` steps before the end. It
+    # returns `QUANTITIES`, nan where nothing is left.
     result = np.full((2, len(QUANTITIES)), np.nan)
     for k, factor in enumerate((1.0, WIDER)):
         first, last = math.ceil(factor * head), math.ceil(factor * tail)

@@ -25,7 +25,6 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from .section import distances
 from ..arrays import FloatArray, IntArray
 
 # Lengths of the segment [1]: when it is shortened, and to what; below the last, rounding decides.
@@ -39,10 +38,6 @@ FINE: Final = 384
 DOUBLINGS: Final = 5
 # How often a trajectory may be lost and go back, and that for every ten steps once more.
 FAILURES: Final = 20
-
-# A trajectory recurs within this [rad, 1], for this many periods at least, near an orbit.
-RECURS: Final = 0.01
-PERIODS: Final = 2
 
 # Images of points that lie near each other; None where they do not stay together.
 Map: TypeAlias = Callable[[FloatArray], FloatArray | None]
@@ -100,28 +95,8 @@ def shorten(ends: FloatArray, length: float, values: Values, choose: Choice,
 
 def straddle(ends: FloatArray, advance: Map, values: Values, choose: Choice, steps: int,
              random: np.random.Generator, samples: int = SAMPLES) -> FloatArray:
-    """
-    Follow a segment across an invariant set for some steps.
-
-    Parameters
-    ----------
-    ends : ndarray, shape (2, 2)
-        Both ends of the segment, of any length.
-    advance, values, choose
-        The map, what is compared, and which piece goes on.
-    steps : int
-        Length of the trajectory.
-    random : numpy.random.Generator
-        Chooses among pieces that are as good.
-    samples : int
-        Points compared at once.
-
-    Returns
-    -------
-    ndarray, shape (steps, 2)
-        Middles of the segment, each within `LONG` of the set; fewer where it was lost.
-
-    """
+    """Follow a segment, shape (2, 2), across an invariant set; return its middles at each step."""
+    # They are within `LONG` of the set, and fewer than `steps` where it was lost.
     points, longer = list[FloatArray](), [(0, ends)]
     failures = 0
     while longer and len(points) < steps and failures < FAILURES + steps // 10:
@@ -156,18 +131,3 @@ def _map_together(ends: FloatArray, advance: Map, values: Values, choose: Choice
             break
         ends, images = shorter, advance(shorter)
     return ends.mean(axis=0), images
-
-
-def stays(points: FloatArray, longest: int) -> list[tuple[int, int, int]]:
-    """List where a trajectory of impacts is near orbits: first step, impacts of one, steps."""
-    # The shortest period of each stretch counts, and the stretches come in their order.
-    found = list[tuple[int, int, int]]()
-    taken = np.zeros(len(points), np.bool_)
-    for q in range(1, min(longest, len(points) - 1) + 1):
-        near = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0]) < RECURS
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
-        for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            if last - first >= PERIODS * q and not taken[first:last].any():
-                taken[first:last + q] = True
-                found.append((first, q, last - first + q))
-    return sorted(found)
