@@ -251,7 +251,7 @@ def _layout(identity: dict[str, Any]) -> Layout:
 
 
 def boundary_saddle(catalogue: Catalogue, plane: Plane | None = None, *, seed: int = SEED,
-                    straddled: int = STRADDLED, sprinkled: int = SPRINKLED) -> SaddleRates:
+                    straddled: int = STRADDLED, sprinkled: int = 2 * SPRINKLED) -> SaddleRates:
     """Estimate the rates of the saddle on the boundary of all basins of a catalogue."""
     # They are exact where that is one orbit, and nan where too few trajectories stay long enough;
     # ValueError where there is no boundary.

@@ -32,13 +32,11 @@ from ..compiled import kernel
 from ..flight.elementary import length, logarithm
 
 # By this factor both cuts are widened to see what the result owes to them.
-WIDER: Final = 1.5
+WIDER: Final = 1.25
 # Steps over which the scatter of the growth is taken.
 WINDOW: Final = 10
 # What `estimate` returns of each cut.
-QUANTITIES: Final = ('kappa', 'lambda_1', 'lambda_2', 'spread', 'escapes', 'impacts')
-# Of the batches at least this share must have an estimate.
-ENOUGH: Final = 0.5
+QUANTITIES: Final = ('kappa', 'lambda_1', 'lambda_2', 'spread', 'at_risk', 'impacts')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +118,7 @@ def estimate(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: FloatA
         part = grown[:, first:]
         stays = np.clip(lifetimes[followed] - first - last, 0, part.shape[1])
         within = np.arange(part.shape[1]) < stays[:, None]
-        result[k, 4:] = chance.escapes, within.sum()
+        result[k, 4:] = chance.at_risk, within.sum()
         if chance.rate < 1.0:
             # The chance to leave at a step is that of a geometric law.
             result[k, 0] = -math.log1p(-chance.rate)
@@ -135,17 +133,19 @@ def estimate(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: FloatA
 
 
 def rates_of(batches: FloatArray) -> SaddleRates:
-    """Combine the estimates of batches, shape (n, 2, 6); nan where too few have any."""
+    """Combine the estimates of batches, shape (n, 2, 6); nan where nothing stays long enough."""
     # Each error is that of the batch means, with the change where both cuts are wider.
-    known = np.isfinite(batches[:, :, :3])
-    escapes, impacts = batches[:, 0, 4:].sum(axis=0).astype(int).tolist()
-    means, errors, spread = np.full(3, np.nan), np.full(3, np.nan), 0.0
-    if np.all(known.mean(axis=0) >= ENOUGH) and batches[:, 1, 4].sum():
-        means, wider = np.nanmean(batches[:, :, :3], axis=0)
-        scatter = np.nanstd(batches[:, 0, :3], axis=0, ddof=1) / np.sqrt(known[:, 0].sum(axis=0))
-        errors = np.hypot(scatter, wider - means)
-        spreads = batches[:, 0, 3][np.isfinite(batches[:, 0, 3])]
-        spread = float(spreads.mean()) if len(spreads) else 0.0
-    (kappa, one, two), (kappa_error, one_error, two_error) = means.tolist(), errors.tolist()
-    return SaddleRates(kappa, kappa_error, one, one_error, two, two_error, spread, escapes,
-                       impacts)
+    values = np.nan_to_num(batches[:, :, :4])
+    weights = np.where(np.isfinite(batches[:, :, :4]), batches[:, :, [4, 5, 5, 5]], 0.0)
+    with np.errstate(invalid='ignore'):
+        share = weights / weights.sum(axis=0)
+        means, wider = np.sum(share * values, axis=0)
+        scatter = np.sqrt(np.sum((share * (values - means))[:, 0]**2, axis=0)
+                          * (len(batches) / (len(batches) - 1.0)))
+    errors = np.hypot(scatter, wider - means)
+    (kappa, one, two, spread), (kappa_error, one_error, two_error, _) = (
+        means.tolist(), errors.tolist())
+    at_risk, impacts = batches[:, 0, 4:].sum(axis=0).tolist()
+    escapes = 0 if math.isnan(kappa) else round(-math.expm1(-kappa) * at_risk)
+    return SaddleRates(kappa, kappa_error, one, one_error, two, two_error,
+                       0.0 if math.isnan(spread) else spread, escapes, int(impacts))
