@@ -94,6 +94,16 @@ def test_escape_rate_is_that_of_lifetimes():
     assert found.attrs['transient_near'] > 0.8
 
 
+@pytest.mark.long
+def test_a_chaotic_attractor_ends_at_the_orbit_that_is_accessible_from_it():
+    """Shortly before B's crisis: the orbit that the tangency of manifolds names there."""
+    found = saddle(Parameters(0.57), straddled=160, sprinkled=800, initial_conditions=128,
+                   threads=1)
+    accessible = dict(zip(found['orbit_side'].values, found['orbit_key'].values, strict=True))
+    (chaotic,) = (side for side in accessible if side.startswith('chaotic'))
+    assert accessible[chaotic].startswith('orbit-6-3-U5.32')
+
+
 @pytest.mark.parametrize(('options', 'words'), [
     ('--alpha 1.26', '--transient'),
     ('--alpha 1.20 --transient', 'another alpha'),

@@ -147,5 +147,7 @@ def rates_of(batches: FloatArray) -> SaddleRates:
         means.tolist(), errors.tolist())
     at_risk, impacts = batches[:, 0, 4:].sum(axis=0).tolist()
     escapes = 0 if math.isnan(kappa) else round(-math.expm1(-kappa) * at_risk)
+    # Few batches may agree by chance, but not better than counts do.
+    kappa_error = max(kappa_error, kappa / math.sqrt(max(escapes, 1)))
     return SaddleRates(kappa, kappa_error, one, one_error, two, two_error,
                        0.0 if math.isnan(spread) else spread, escapes, int(impacts))
