@@ -116,8 +116,15 @@ def test_errors_of_the_sprinkler_are_those_of_its_scatter() -> None:
 
 
 def test_none_that_stays_gives_no_rates() -> None:
-    """Cuts longer than any life leave nothing."""
+    """Cuts longer than any life leave nothing; a batch without an estimate leaves the others."""
     assert math.isnan(sprinkled(100, 100, 100).lambda_1)
+    batches = np.full((8, 2, 6), np.nan)
+    assert math.isnan(rates_of(batches).kappa)
+    batches[:5] = [0.1, 0.5, -1.0, 0.2, 1000.0, 500.0]
+    found = rates_of(batches)
+    assert (found.lambda_1, found.spread, found.impacts) == pytest.approx((0.5, 0.2, 2500))
+    assert found.kappa == pytest.approx(0.1)
+    assert found.kappa_error == pytest.approx(0.1 / math.sqrt(-math.expm1(-0.1) * 5000.0), rel=0.01)
 
 
 def henon(points: FloatArray, a: float = 2.0) -> FloatArray:

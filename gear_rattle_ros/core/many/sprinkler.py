@@ -145,7 +145,7 @@ def rates_of(batches: FloatArray) -> SaddleRates:
     errors = np.hypot(scatter, wider - means)
     (kappa, one, two, spread), (kappa_error, one_error, two_error, _) = (
         means.tolist(), errors.tolist())
-    at_risk, impacts = batches[:, 0, 4:].sum(axis=0).tolist()
+    at_risk, impacts = np.nansum(batches[:, 0, 4:], axis=0).tolist()
     escapes = 0 if math.isnan(kappa) else round(-math.expm1(-kappa) * at_risk)
     # Few batches may agree by chance, but not better than counts do.
     kappa_error = max(kappa_error, kappa / math.sqrt(max(escapes, 1)))
