@@ -124,7 +124,8 @@ def test_none_that_stays_gives_no_rates() -> None:
     found = rates_of(batches)
     assert (found.lambda_1, found.spread, found.impacts) == pytest.approx((0.5, 0.2, 2500))
     assert found.kappa == pytest.approx(0.1)
-    assert found.kappa_error == pytest.approx(0.1 / math.sqrt(-math.expm1(-0.1) * 5000.0), rel=0.01)
+    assert found.kappa_error == pytest.approx(
+        0.1 / math.sqrt(-math.expm1(-0.1) * 5000.0), rel=0.01)
 
 
 def henon(points: FloatArray, a: float = 2.0) -> FloatArray:
