@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .studies.manifolds import manifolds as manifolds
     from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
+    from .studies.saddle import saddle as saddle
     from .studies.section import section as section
     from .studies.transitions import transitions as transitions
 

@@ -66,6 +66,7 @@ GROUPS = {
         'continuation': ('cli.continuation', 'follow attractors across alpha'),
         'transitions': ('cli.transitions', 'locate every transition in windows of alpha'),
         'crisis': ('cli.crisis', 'locate the crisis of a chaotic attractor'),
+        'saddle': ('cli.saddle', 'follow edge states and chaotic saddles'),
         'figures': ('cli.figures', 'redraw the figures of the paper'),
     },
     'viewing': {

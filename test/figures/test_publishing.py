@@ -40,6 +40,7 @@ COMMANDS = {
     'manifolds': f'--orbit orbit-2-1-U5.4554+0.8585 --length 3 --size 12 {SEARCH}',
     'motion': f'--periods 2 {SEARCH}',
     'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
+    'saddle': f'--straddled 160 --sprinkled 400 {SEARCH}',
     'section': '--alpha 0.57 --trajectories 4 --skip 50 --keep 50 --bins 200 200',
 }
 TITLE = 'Gears & walls, λ < 0'

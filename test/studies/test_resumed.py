@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Diagrams, continuation and the crisis are the same after Ctrl-C, and from a cluster."""
+"""Diagrams, continuation, the crisis and saddles are the same after Ctrl-C, and from a cluster."""
 
 from pathlib import Path
 import shlex
@@ -38,6 +38,8 @@ TOOLS = {
                       '--keep 512', 24, ('count', 'exponent', 'end_state', 'attractor')),
     'continuation': ('--alpha 0.5 0.54 --columns 64 --trajectories 32 --hold 1000 --tolerance '
                      '1e-3', 8, ('count', 'share', 'event_alpha')),
+    'saddle': ('--initial-conditions 100 --straddled 1600 --sprinkled 16000', 8,
+               ('phase', 'estimate', 'rate_value', 'orbit_near')),
     'crisis': ('--beyond 2e-4 2e-3 --rates 5 --escapes 64', 48,
                ('lifetime', 'fate', 'escape_rate')),
     'manifolds': ('--orbit orbit-2-1-U5.4554+0.8585 --length 20 --size 400', 16,

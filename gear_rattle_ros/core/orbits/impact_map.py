@@ -20,7 +20,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
-from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPER
+from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPER, wall_of
 from ..flight.elementary import relaxation, sine_cosine
 from ..flight.first_impact import search_impact
 from ..model import Model
@@ -65,6 +65,27 @@ def derivatives(phase: float, velocity: float, d: float, phase_next: float, velo
         meeting * phase_velocity - decay * restitution,
         meeting * phase_alpha + cosine_next - decay * cosine,
     )
+
+
+@kernel
+def map_points(points: FloatArray, model: Model
+               ) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
+    """Map impacts (phase, velocity) to the next: images, derivatives, their walls and times."""
+    # The wall of an impact is that of the sign of its velocity; an image without one has NO_WALL.
+    n = len(points)
+    images, matrices = np.zeros((n, 2)), np.zeros((n, 2, 2))
+    walls, times = np.full(n, NO_WALL), np.zeros(n)
+    for i in range(n):
+        # Phases of a segment may lie a little outside one drive period.
+        phase = points[i, 0] - 2.0 * math.pi * math.floor(points[i, 0] / (2.0 * math.pi))
+        velocity = points[i, 1]
+        walls[i], _, images[i, 0], images[i, 1], times[i] = next_impact(
+            wall_of(velocity), phase, velocity, model)
+        if walls[i] != NO_WALL and images[i, 1] != 0.0:
+            one = derivatives(phase, velocity, times[i], images[i, 0], images[i, 1], model)
+            matrices[i, 0, 0], matrices[i, 0, 1] = one[0], one[1]
+            matrices[i, 1, 0], matrices[i, 1, 1] = one[3], one[4]
+    return images, matrices, walls, times
 
 
 @kernel

@@ -1,0 +1,218 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Edge states and chaotic saddles of the gear, by straddling what the catalogue labels."""
+
+import dataclasses
+import functools
+import math
+from typing import Final
+
+import numpy as np
+
+from .catalogue import Attractor, Catalogue, follow_here, Kind
+from .plane import Plane
+from ..core.arrays import FloatArray, IntArray, RecordArray
+from ..core.flight.closed_form import NO_WALL
+from ..core.many.recorded import initial_after, record_impacts
+from ..core.many.settling import RESULT, UNSETTLED
+from ..core.many.sprinkler import estimate, growths, SaddleRates
+from ..core.model import STICKING_SPEED
+from ..core.orbits.impact_map import map_points
+from ..core.orbits.orbit import close_orbit, NEAR, Orbit
+from ..core.orbits.section import distances, turn
+from ..core.orbits.straddle import (
+    any_change,
+    FINE,
+    first_change,
+    longest_lived,
+    straddle,
+)
+from ..core.words import counted
+
+# Impacts for which initial conditions are followed to the section, and how many are drawn at once.
+ARRIVE: Final = 3
+DRAWN: Final = 64
+TRIES: Final = 64
+# Images whose flights differ by more than this lie on both sides of a grazing [1].
+TOGETHER: Final = 0.1
+# Longest orbits that are recognised on a saddle [impacts].
+LONGEST: Final = 12
+# Close returns at each period that are tried, and orbits on a saddle that are enough.
+SEEDS: Final = 12
+LISTED: Final = 12
+# Impacts as near as this are near an orbit [rad, 1].
+CLOSE: Final = 0.01
+# Of a straddle trajectory that has come to an orbit, this share of the steps is near it.
+SETTLED: Final = 0.5
+# Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
+# its points in which they are sprinkled [rad, 1], and the rows of growth at the most.
+HEAD: Final = 15
+SPREAD: Final = 0.01
+FOLLOWED: Final = 1000
+ROW: Final = 400
+# Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge.
+LEAVE: Final = 20
+# Lifetimes are told apart up to this many times those of what leaves at once.
+FAR: Final = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Straddling:
+    """What is straddled at given parameters: the boundaries of basins, or a chaotic transient."""
+
+    catalogue: Catalogue
+    is_edge: bool  # labels are compared; else lifetimes
+    cap: int  # impacts after which a point is given up
+
+    def results(self, points: FloatArray, cap: int) -> RecordArray:
+        """Return the RESULT of impacts (phase, velocity before)."""
+        results = np.zeros(len(points), RESULT)
+        follow_here(initial_after(self.catalogue.parameters, points[:, 0], points[:, 1]),
+                    cap, self.catalogue.table, results)
+        return results
+
+    def values(self, points: FloatArray) -> IntArray:
+        """Return their labels, or their lifetimes as far as it matters here."""
+        name, cap = ('label', self.cap) if self.is_edge else ('lifetime', FAR * self.tail)
+        return np.asarray(self.results(points, cap)[name], np.int64)
+
+    def advance(self, points: FloatArray) -> FloatArray | None:
+        """Map points near each other to their next impacts, if these are near each other, too."""
+        images, _, walls, times = map_points(points, self.catalogue.parameters.model)
+        if NO_WALL in walls or np.ptp(walls) or np.ptp(times) > TOGETHER:
+            return None
+        images[:, 0] = images[0, 0] + turn(images[:, 0] - images[0, 0])
+        return images
+
+    def segment(self, plane: Plane, random: np.random.Generator) -> FloatArray | None:
+        """Draw two impacts at one wall of different values; None where there are none."""
+        for _ in range(TRIES):
+            initial = plane.draw(self.catalogue.parameters, DRAWN, int(random.integers(1 << 31)))
+            rows, made = record_impacts(initial, ARRIVE, 1)
+            rows = rows[made > 0, 0]
+            points = np.column_stack([rows['phase'], rows['velocity']])
+            upper = points[:, 1] > 0.0
+            points = points[upper == (np.sum(upper) >= 0.5 * len(points))]
+            values = self.values(points)
+            other = np.flatnonzero(values != values[:1])
+            if len(other):
+                return points[[0, int(other[0])]]
+        return None
+
+    def follow(self, plane: Plane, steps: int, random: np.random.Generator) -> FloatArray:
+        """Return a straddle trajectory of impacts (phase, velocity), shape (steps, 2)."""
+        settled = sum(each.label != UNSETTLED for each in self.catalogue.attractors)
+        if self.is_edge and settled < 2:
+            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: there is no boundary '
+                             f'of basins, as {counted(settled, "attractor")} is all that initial '
+                             'conditions reach; follow a transient with --transient')
+        # After a loss, it goes on elsewhere.
+        parts, made = [np.zeros((0, 2))], 0
+        for _ in range(TRIES):
+            ends = self.segment(plane, random) if made < steps else None
+            if ends is None:
+                break
+            choose = any_change if self.is_edge else longest_lived(FAR * self.tail)
+            parts.append(straddle(ends, self.advance, self.values, choose, HEAD + steps - made,
+                                  random)[HEAD:])
+            made += len(parts[-1])
+        points = np.concatenate(parts)
+        if not len(points):
+            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: random initial '
+                             'conditions show nothing to straddle; take another window or another '
+                             'alpha')
+        points[:, 0] %= 2.0 * math.pi
+        return points
+
+    def orbits_near(self, points: FloatArray) -> list[tuple[Orbit, int]]:
+        """Find the saddle orbits that close returns show, and how many impacts are near each."""
+        found: dict[str, tuple[Orbit, int]] = {}
+        for q in range(1, LONGEST + 1):
+            back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
+            for k in np.argsort(back)[:SEEDS].tolist():
+                walls = np.signbit(points[k:k + q, 1]).astype(np.int64)
+                orbit = close_orbit(walls, points[k:k + q], self.catalogue.parameters,
+                                    NEAR) if back[k] < NEAR else None
+                if orbit is None or orbit.is_stable:
+                    continue
+                apart = distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
+                                  orbit.phases[:, None])
+                # All of it, as a seed may lead elsewhere.
+                if np.all(np.min(apart, axis=1) < NEAR):
+                    found[orbit.key] = orbit.canonical(), int(np.sum(apart < CLOSE))
+            if len(found) >= LISTED:
+                break
+        return list(found.values())
+
+    def orbit_of(self, points: FloatArray) -> Orbit | None:
+        """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
+        return next((orbit for orbit, count in self.orbits_near(points)
+                     if count >= SETTLED * len(points)), None)
+
+    def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
+                   ) -> FloatArray:
+        """Straddle the boundary that is met first from an attractor; no steps where none is."""
+        inside = attractor.points()[:, 1:]
+        for _ in range(TRIES):
+            # At rest there are no impacts.
+            own = (inside[random.integers(len(inside))] if len(inside) else
+                   random.uniform([0.0, -1.0], [2.0 * math.pi, 1.0]))
+            ends = np.array([own, [random.uniform(0.0, 2.0 * math.pi),
+                                   own[1] * random.uniform(0.0, 2.0)]])
+            labels = self.values(ends)
+            if labels[1] != attractor.label == labels[0]:
+                return straddle(ends, self.advance, lambda points: np.asarray(
+                    self.values(points) != attractor.label, np.int64), first_change, steps, random,
+                    FINE)
+        return np.zeros((0, 2))
+
+    @functools.cached_property
+    def tail(self) -> int:
+        """Impacts in which what has left the saddle settles on any attractor."""
+        tail = 0.0
+        for each in self.catalogue.attractors:
+            if each.orbit and each.exponents[0] > -math.inf:
+                tail = max(tail, math.log(self.catalogue.tolerance) / each.exponents[0])
+            elif each.kind is Kind.RESTING and self.catalogue.parameters.restitution:
+                tail = max(tail, math.log(STICKING_SPEED)
+                           / math.log(self.catalogue.parameters.restitution))
+        return LEAVE + math.ceil(tail)
+
+    def sprinkle(self, points: FloatArray, count: int, random: np.random.Generator) -> FloatArray:
+        """Return an `estimate` from one batch of initial conditions about impacts on a saddle."""
+        about = points[random.integers(len(points), size=count)]
+        about = about + SPREAD * (2.0 * random.random(about.shape) - 1.0)
+        results = self.results(about, self.cap)
+        # Those that stick go on as one.
+        about, results = (each[np.isnan(results['release'])] for each in (about, results))
+        censored = results['label'] == UNSETTLED
+        lifetimes = np.where(censored, results['impacts'], results['lifetime'])
+        followed = np.flatnonzero(lifetimes > HEAD + self.tail)[:FOLLOWED]
+        grown = self.growths(initial_after(self.catalogue.parameters, *about[followed].T), min(
+            int(np.max(lifetimes[followed], initial=1)), ROW))
+        return estimate(lifetimes, censored, grown, followed, HEAD, self.tail)
+
+    def growths(self, initial: RecordArray, steps: int) -> FloatArray:
+        """Return the growths of two directions along trajectories, shape (n, steps, 2)."""
+        rows, _ = record_impacts(initial, 0, steps)
+        _, matrices, _, _ = map_points(np.column_stack(
+            [rows['phase'].ravel(), rows['velocity'].ravel()]), self.catalogue.parameters.model)
+        return growths(matrices.reshape(-1, steps, 2, 2))
+
+
+def rates_of_orbit(orbit: Orbit) -> SaddleRates:
+    """Return the rates of a saddle that is one orbit: exact, and nothing but it stays."""
+    one, two = orbit.exponents
+    return SaddleRates(one, 0.0, one, 0.0, two, 0.0, impacts=orbit.impacts)

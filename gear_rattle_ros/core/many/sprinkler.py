@@ -1,0 +1,153 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Escape rate, exponents and dimensions of a saddle, from initial conditions sprinkled about it.
+
+Those that live long come near the saddle, stay, and leave. Without the first impacts and the last
+their points have the natural measure of the saddle (Kantz & Grassberger, Physica D 17, 75, 1985).
+"""
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .escape import escape_rate
+from ..arrays import FloatArray, IntArray
+from ..compiled import kernel
+from ..flight.elementary import length, logarithm
+
+# By this factor both cuts are widened to see what the result owes to them.
+WIDER: Final = 1.25
+# Steps over which the scatter of the growth is taken.
+WINDOW: Final = 10
+# What `estimate` returns of each cut.
+QUANTITIES: Final = ('kappa', 'lambda_1', 'lambda_2', 'spread', 'at_risk', 'impacts')
+
+
+@dataclasses.dataclass(frozen=True)
+class SaddleRates:
+    """Rates of a saddle per impact [1] and their standard errors, and what follows from them."""
+
+    kappa: float  #: Escape rate.
+    kappa_error: float
+    lambda_1: float  #: Larger exponent.
+    lambda_1_error: float
+    lambda_2: float  #: Smaller exponent.
+    lambda_2_error: float
+    #: Variance of the growth of the first direction; 0 where nothing stays for long enough.
+    spread: float = 0.0
+    escapes: int = 0  #: Trajectories that were seen to leave.
+    impacts: int = 0  #: Impacts near the saddle that the exponents are means of.
+
+    @property
+    def exponent(self) -> tuple[float, float]:
+        """
+        Uncertainty exponent of the boundary and its error [1].
+
+        It is two less the box dimension: the root of the pressure, ``mean(stretch^a) = e^kappa``,
+        to the second cumulant. Where all stretch alike it is ``kappa / lambda_1``.
+        """
+        root = math.sqrt(max(self.lambda_1**2 + 2.0 * self.spread * self.kappa, 0.0))
+        value = 2.0 * self.kappa / (self.lambda_1 + root)
+        return value, value * self._relative_error
+
+    @property
+    def _relative_error(self) -> float:
+        return math.hypot(self.kappa_error / self.kappa, self.lambda_1_error / self.lambda_1)
+
+    @property
+    def dimension_1(self) -> tuple[float, float]:
+        """Dimension along the unstable direction, ``1 - kappa / lambda_1``, and its error [1]."""
+        ratio = self.kappa / self.lambda_1
+        return 1.0 - ratio, ratio * self._relative_error
+
+    @property
+    def dimension_2(self) -> tuple[float, float]:
+        """Dimension along the stable one, ``(lambda_1 - kappa) / |lambda_2|``, and its error."""
+        over, under = self.lambda_1 - self.kappa, abs(self.lambda_2)
+        return over / under, math.hypot(math.hypot(self.lambda_1_error, self.kappa_error),
+                                        over * self.lambda_2_error / under) / under
+
+
+@kernel
+def growths(matrices: FloatArray) -> FloatArray:
+    """Return the logarithms by which two directions grow at each step of rows of matrices."""
+    # Shape (rows, steps, 2, 2); Gram-Schmidt at each step.
+    rows, steps = matrices.shape[:2]
+    result = np.zeros((rows, steps, 2))
+    for i in range(rows):
+        # A direction that no map prefers.
+        a, b = 0.6, 0.8
+        for k in range(steps):
+            m = matrices[i, k]
+            c, d = m[0, 0] * a + m[0, 1] * b, m[1, 0] * a + m[1, 1] * b
+            size = length(c, d)
+            area = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
+            result[i, k, 0] = logarithm(size)
+            result[i, k, 1] = logarithm(area) - result[i, k, 0]
+            a, b = c / size, d / size
+    return result
+
+
+def estimate(lifetimes: IntArray, censored: npt.NDArray[np.bool_], grown: FloatArray,
+             followed: IntArray, head: int, tail: int) -> FloatArray:
+    """Estimate the rates of a saddle from one batch of trajectories with both cuts."""
+    # `lifetimes` are steps, until a trajectory left or was given up as `censored`; of those whose
+    # numbers are `followed`, `grown` has the growths from the first step on, shape (m, steps, 2).
+    # They are near the saddle after `head` steps, and until `tail` steps before the end. It
+    # returns `QUANTITIES`, nan where nothing is left.
+    result = np.full((2, len(QUANTITIES)), np.nan)
+    for k, factor in enumerate((1.0, WIDER)):
+        first, last = math.ceil(factor * head), math.ceil(factor * tail)
+        chance = escape_rate(lifetimes, censored, first + last)
+        part = grown[:, first:]
+        stays = np.clip(lifetimes[followed] - first - last, 0, part.shape[1])
+        within = np.arange(part.shape[1]) < stays[:, None]
+        result[k, 4:] = chance.at_risk, within.sum()
+        if chance.rate < 1.0:
+            # The chance to leave at a step is that of a geometric law.
+            result[k, 0] = -math.log1p(-chance.rate)
+        if within.any():
+            result[k, 1:3] = part[within].mean(axis=0)
+        windows = part.shape[1] // WINDOW
+        sums = part[:, :windows * WINDOW, 0].reshape(len(part), windows, WINDOW).sum(axis=2)
+        whole = sums[WINDOW * (1 + np.arange(windows)) <= stays[:, None]]
+        if len(whole) > 1:
+            result[k, 3] = whole.var(ddof=1) / WINDOW
+    return result
+
+
+def rates_of(batches: FloatArray) -> SaddleRates:
+    """Combine the estimates of batches, shape (n, 2, 6); nan where nothing stays long enough."""
+    # Each error is that of the batch means, with the change where both cuts are wider.
+    values = np.nan_to_num(batches[:, :, :4])
+    weights = np.where(np.isfinite(batches[:, :, :4]), batches[:, :, [4, 5, 5, 5]], 0.0)
+    with np.errstate(invalid='ignore'):
+        share = weights / weights.sum(axis=0)
+        means, wider = np.sum(share * values, axis=0)
+        scatter = np.sqrt(np.sum((share * (values - means))[:, 0]**2, axis=0)
+                          * (len(batches) / (len(batches) - 1.0)))
+    errors = np.hypot(scatter, wider - means)
+    (kappa, one, two, spread), (kappa_error, one_error, two_error, _) = (
+        means.tolist(), errors.tolist())
+    at_risk, impacts = np.nansum(batches[:, 0, 4:], axis=0).tolist()
+    escapes = 0 if math.isnan(kappa) else round(-math.expm1(-kappa) * at_risk)
+    # Few batches may agree by chance, but not better than counts do.
+    kappa_error = max(kappa_error, kappa / math.sqrt(max(escapes, 1)))
+    return SaddleRates(kappa, kappa_error, one, one_error, two, two_error,
+                       0.0 if math.isnan(spread) else spread, escapes, int(impacts))
