@@ -47,14 +47,15 @@ if TYPE_CHECKING:
     from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.section import section as section
+    from .studies.stability import stability as stability
     from .studies.transitions import transitions as transitions
 
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
     'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'motion',
-    'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'transitions',
-    '__version__',
+    'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section', 'stability',
+    'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -70,7 +71,7 @@ MODULES = {
     'store.store': ['open_dataset'],
     **{f'studies.{name}': [name] for name in (
         'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'motion', 'orbit_diagram',
-        'section', 'transitions')},
+        'section', 'stability', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

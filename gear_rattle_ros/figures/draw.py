@@ -37,6 +37,7 @@ PICTURES: Final = {
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'section': {'': 'section.draw_section'},
+    'stability': {'': 'stability.draw_stability'},
 }
 
 

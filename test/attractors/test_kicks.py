@@ -134,6 +134,7 @@ def test_the_mirrored_gear_has_the_mirrored_kick(catalogue):
         assert math.cos(twin.phase - kick.phase) == pytest.approx(-1.0, abs=1e-12)
 
 
+@pytest.mark.long
 def test_rest_is_left_by_a_kick_that_the_simulator_confirms():
     """At 0.09 the gear may rest on the upper wall for good, or rattle."""
     catalogue = find_attractors(Parameters(0.09), hold=20_000, threads=1)
