@@ -40,7 +40,7 @@ class Window:
     bins: int = 1200
     # Impacts after which all is unsettled, and for which nothing may leave a chaotic attractor.
     hold: int = 10_000
-    kick_steps: int = 0  # of the scans for the smallest kick; it is not sought without
+    kicks: bool = False  # whether the smallest kick of each attractor is sought
 
     def __post_init__(self) -> None:
         if self.keep < BLOCKS:
@@ -74,9 +74,8 @@ def find_branches(parameters: Parameters, initial: RecordArray, window: Window,
                                 threads=1)
     found = sorted(catalogue.attractors, key=lambda each: (-each.settled, each.key))
     branches = [_branch(each, catalogue, window) for each in found]
-    if window.kick_steps:
-        kicks = [smallest_kick(catalogue, each, steps=window.kick_steps, cap=window.hold,
-                               threads=1) for each in found]
+    if window.kicks:
+        kicks = [smallest_kick(catalogue, each, cap=window.hold, threads=1) for each in found]
         branches = [dataclasses.replace(branch, kick=kick.size) if kick else branch
                     for branch, kick in zip(branches, kicks, strict=True)]
     return catalogue, branches

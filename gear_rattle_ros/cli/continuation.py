@@ -30,6 +30,8 @@ def _add_options(parser: Parser) -> None:
     add(parser, 'tolerance', number, 1e-7, 'accuracy of the ends of chaos, in alpha [1]')
     add(parser, 'hold', whole(256), HOLD,
         'a chaotic attractor lasts where trajectories stay for this number of impacts')
+    parser.add_argument('--kicks', action='store_true',
+                        help='carry the smallest kick that changes each attractor along')
     options.add_plane(parser)
     options.add_seed(parser)
 

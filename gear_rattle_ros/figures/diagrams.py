@@ -155,8 +155,9 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     alphas = dataset['alpha'].values
     shares = dataset['share'].values[0]
     count = dataset.attrs['trajectories']
-    figure = new_figure(LEFT + WIDTH + RIGHT, 560, looks)
-    axes = add_axes(figure, LEFT, BOTTOM, WIDTH, 560 - BOTTOM - TOP)
+    below = EXPONENT_HEIGHT + GAP if 'kick' in dataset else 0
+    figure = new_figure(LEFT + WIDTH + RIGHT, 560 + below, looks)
+    axes = add_axes(figure, LEFT, BOTTOM + below, WIDTH, 560 - BOTTOM - TOP)
     for mine, colour in _coloured(dataset, 0, looks):
         share = _of(mine, shares)
         error = np.sqrt(share * (1.0 - share) / count)
@@ -165,7 +166,17 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
     _mark(axes, dataset, looks)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
-    axes.set_xlabel(ALPHA_LABEL, fontsize=12)
+    lowest = axes
+    if below:
+        axes.tick_params(labelbottom=False)
+        lowest = add_axes(figure, LEFT, BOTTOM, WIDTH, EXPONENT_HEIGHT)
+        for mine, colour in _coloured(dataset, 0, looks):
+            lowest.plot(alphas, _of(mine, dataset['kick'].values[0]), '.-', color=colour,
+                        linewidth=0.9, markersize=3)
+        lowest.set(xlim=(alphas[0], alphas[-1]))
+        lowest.set_ylim(bottom=0.0)
+        lowest.set_ylabel('smallest kick [1]', fontsize=12)
+    lowest.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
     style.write_title(figure, LEFT, looks.title or (
         'Shares of the attractors; fold solid, doubling dotted, crisis dashed'))

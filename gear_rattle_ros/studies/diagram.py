@@ -98,8 +98,8 @@ def layout_of(diagram: Diagram) -> Layout:
         impacts_counted=window.keep, velocity_window=[window.low, window.high], bins=window.bins,
         sweeps=list(diagram.sweeps))
     del identity['alpha']
-    if window.kick_steps:
-        identity['kick_steps'] = window.kick_steps
+    if window.kicks:
+        identity['kicks'] = 'smallest'
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     axes = (
         Axis('sweep', np.array(diagram.sweeps), named(
@@ -129,7 +129,7 @@ def layout_of(diagram: Diagram) -> Layout:
             ('exponent_error', ('slot',), '<f8', 'standard error; 0 from exact multipliers', '1'),
             ('exact_sum', ('slot',), '<f8', 'exact sum of both exponents, 2 ln r - beta <D>', '1'),
             *((('kick', ('slot',), '<f8', 'smallest kick at an impact that changes the attractor; '
-                'nan where none does', '1'),) if window.kick_steps else ()),
+                'nan where none does', '1'),) if window.kicks else ()),
             ('member_state', ('slot', 'state'), '<f8',
              'where one of its trajectories is; of an orbit, at an impact', None),
             ('end_state', ('lane', 'state'), '<f8',

@@ -36,8 +36,6 @@ from ..core.words import in_columns
 # Parts of what there is at alpha, and quantities, of which the amplitudes are sought.
 LEVELS: Final = (0.9, 0.5)
 QUANTITIES: Final = ('share', 'kick')
-# Steps of the scans for kicks at each amplitude.
-STEPS: Final = 96
 
 
 def erosion_of(catalogue: Catalogue, plane: Plane, window: tuple[float, float], columns: int,
@@ -54,7 +52,7 @@ def erosion_of(catalogue: Catalogue, plane: Plane, window: tuple[float, float], 
         diagram = Diagram(
             catalogue.parameters, ends, max(2, 1 + round(
                 (columns - 1) * (ends[1] - ends[0]) / (window[1] - window[0]))),
-            plane, trajectories, seed, Window(bins=BINS, kick_steps=STEPS), ('random',))
+            plane, trajectories, seed, Window(bins=BINS, kicks=True), ('random',))
         store = compute(diagram, Work(threads=work.threads, progress=work.progress),
                         f'erosion in {ends[0]:g} to {ends[1]:g}')
         numbers, share, kick, states = (store.read_all(name)[0] for name in (
