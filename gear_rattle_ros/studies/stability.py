@@ -172,7 +172,8 @@ def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str
         for field in dataclasses.fields(Kick):
             tables |= _table(f'{name}_{field.name}', [
                 getattr(kick, field.name) if kick else UNSETTLED if field.type is int else math.nan
-                for kick in kicks], f'{what}: {field.name.replace("_", " ")}')
+                for kick in kicks], f'{what}: {field.name.replace("_", " ")}',
+                'rad' if 'phase' in field.name else '1')
     return tables
 
 

@@ -38,6 +38,7 @@ COMMANDS = {
     'lifetimes': f'--size 12 --alpha 1.244 {SEARCH}',
     'motion': f'--periods 2 {SEARCH}',
     'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
+    'stability': f'--size 12 {SEARCH} --erosion 0.47 0.48 --columns 2 --trajectories 20',
     'section': '--alpha 0.57 --trajectories 4 --skip 50 --keep 50 --bins 200 200',
 }
 TITLE = 'Gears & walls, λ < 0'
