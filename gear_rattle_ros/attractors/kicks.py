@@ -17,9 +17,9 @@
 The smallest change that makes a trajectory settle elsewhere: a kick, or of the section's point.
 
 A basin has dents: a change of one size may lead elsewhere where a larger one does not. So every
-direction is scanned from the attractor outwards before the place is bisected, and all of them again
-up to the smallest change found, as finely in proportion, until a scan finds none that is smaller.
-Dents narrower than a step of the last scan may remain.
+direction is scanned from the attractor outwards before the place is bisected, and again up to the
+smallest change found, as finely in proportion, until a scan finds none that is smaller. Dents
+narrower than a step of the last scan may remain.
 """
 
 from collections.abc import Callable
@@ -46,7 +46,7 @@ CROWDED: Final = 1e-4
 HALVED: Final = 0.5
 # Rays of the fine scans: those on which coarse ones find the smallest changes.
 FINEST: Final = 64
-# A change is located to this part of it: a trajectory close to its attractor is led elsewhere, too.
+# A change is located to this part of it: a trajectory near its attractor is led elsewhere, too.
 LOCATED: Final = 1e-6
 # Largest change that is tried [1], and impacts after which a trajectory is unsettled.
 REACH: Final = 2.0

@@ -44,7 +44,8 @@ def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     figure = style.new_figure(LEFT + WIDTH + RIGHT, BOTTOM + below + HEIGHT + TOP, looks)
     axes = add_axes(figure, LEFT, BOTTOM + below, WIDTH, HEIGHT)
     colours, names = colours_and_names(dataset, looks)
-    pixels = painted(dataset['label'].values, ENDS | colours)[..., :3] / 255.0
+    colours = ENDS | colours
+    pixels = painted(dataset['label'].values, colours)[..., :3] / 255.0
     axes.imshow(1.0 - FAINT * (1.0 - pixels), origin='lower', aspect='auto',
                 interpolation='nearest', extent=(*a['phase_window'], *a['velocity_window']))
     for k, label in enumerate(dataset['attractor_label'].values.tolist()):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How far attractors are from being left: what to know of an operating point before choosing it."""
+"""How far attractors are from being left: what to know before choosing an operating point."""
 
 import dataclasses
 import math
