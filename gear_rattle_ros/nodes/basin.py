@@ -54,7 +54,7 @@ from ..qos import LATCHED, NEWEST
 POLL: Final = 0.01
 # Parameters that stay for this time have settled; until then pictures are coarse [s].
 SETTLED: Final = 0.05
-# Time between two looks at which attractor the present trajectory leads to, and impacts of one [s].
+# Time between two looks at where the present trajectory leads [s], and impacts of one.
 LOOK: Final = 1.0
 LOOK_CAP: Final = 2_000
 # Steps of the scans for kicks: each takes a few tenths of a second.

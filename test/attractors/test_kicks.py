@@ -122,7 +122,7 @@ def test_the_disc_is_no_larger_than_the_kick_allows(catalogue):
 
 
 def test_the_mirrored_gear_has_the_mirrored_kick(catalogue):
-    """s -> -1 - s, tau -> tau + pi, gamma -> -gamma maps trajectories to trajectories."""
+    """Trajectories go to trajectories by s -> -1 - s, tau -> tau + pi, gamma -> -gamma."""
     mirrored = find_attractors(Parameters(0.48, gamma=-0.1), hold=20_000, threads=1)
     for each in catalogue.attractors:
         other = next(one for one in mirrored.attractors if one.impacts == each.impacts)
