@@ -26,7 +26,7 @@ from . import attractors
 from .erosion import describe_erosion, erosion_of
 from .grid import compute_grid, grid_layout
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS
+from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS, others_where
 from ..attractors.finding import find_attractors
 from ..attractors.kicks import Kick, REACH, smallest_displacement, smallest_kick
 from ..attractors.listing import named
@@ -179,8 +179,7 @@ def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str
 
 def _discs(store: Store, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
     labels = store.read_all('label')
-    discs = [largest_disc(labels == each.label, plane.phase_values(), plane.velocity_values())
-             for each in catalogue.attractors]
+    discs = [largest_disc(labels == each.label, plane) for each in catalogue.attractors]
     tables: dict[str, Any] = {}
     for name, values in zip(('radius', 'phase', 'velocity'), zip(*discs, strict=True),
                             strict=True):
@@ -189,24 +188,22 @@ def _discs(store: Store, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
     return tables
 
 
-def largest_disc(inside: npt.NDArray[np.bool_], phases: FloatArray, velocities: FloatArray
-                 ) -> tuple[float, float, float]:
+def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, float, float]:
     """Return radius and centre of the largest disc of cells; it leaves neither window nor wall."""
     # Of a cell, the distance to the centre of the nearest one that is not inside.
-    turns = math.isclose(len(phases) * (phases[1] - phases[0]), TWO_PI) if len(
-        phases) > 1 else False
-    width = phases[1] - phases[0] if len(phases) > 1 else 1.0
-    best = (0.0, math.nan, math.nan)
+    turns = math.isclose(plane.phase[1] - plane.phase[0], TWO_PI)
+    width, height = ((high - low) / count for (low, high), count in (
+        (plane.phase, plane.phases), (plane.velocity, plane.velocities)))
+    velocities, best = plane.velocity_values(), (0.0, math.nan, math.nan)
     for half in (velocities >= 0.0, velocities < 0.0):
         rows = np.flatnonzero(half)
-        if len(rows) < 2:
+        if not len(rows):
             continue
         cells = np.pad(inside[rows], ((1, 1), (0, 0) if turns else (1, 1)))
         places = np.arange(len(cells))[:, None]
         below = np.maximum.accumulate(np.where(cells, 0, places))
         above = np.minimum.accumulate(np.where(cells, len(cells) - 1, places)[::-1])[::-1]
-        apart = (np.minimum(places - below, above - places)
-                 * (velocities[rows[1]] - velocities[rows[0]]))**2
+        apart = (np.minimum(places - below, above - places) * height)**2
         nearest = apart.copy()
         for shift in range(1, cells.shape[1]):
             away = (min(shift, cells.shape[1] - shift) * width)**2
@@ -215,25 +212,27 @@ def largest_disc(inside: npt.NDArray[np.bool_], phases: FloatArray, velocities: 
         row, column = np.unravel_index(np.argmax(nearest), nearest.shape)
         radius = math.sqrt(nearest[row, column])
         if radius > best[0]:
-            best = (radius, float(phases[column]), float(velocities[rows[row]]))
+            best = radius, float(plane.phase_values()[column]), float(velocities[rows[row]])
     return best
 
 
 def _tipped(catalogue: Catalogue, target: Catalogue, work: Work) -> dict[str, Any]:
     """Let alpha jump at many moments of each attractor, and find where trajectories settle."""
-    rows = []
-    for each in catalogue.attractors:
-        states = _states_of(catalogue.parameters, each)
-        labels = target.label(make_initial_conditions(target.parameters, *states.T),
-                              threads=work.threads)['label']
-        rows.append([np.mean(labels == one.label) if len(labels) else math.nan
-                     for one in target.attractors])
-    return _table('tipped', rows, 'share of the moments from which the trajectory settles there '
+    labels = [target.label(make_initial_conditions(target.parameters, *_states_of(
+        catalogue.parameters, each).T), threads=work.threads)['label']
+        for each in catalogue.attractors]
+    # Rest may be reached that no random initial condition did.
+    known = {one.label for one in target.attractors}
+    reached = [*target.attractors, *others_where(lambda label: label not in known and any(
+        label in found for found in labels))]
+    shares = [[np.mean(found == one.label) if len(found) else math.nan for one in reached]
+              for found in labels]
+    return _table('tipped', shares, 'share of the moments from which the trajectory settles there '
                   'when alpha jumps', '1', 'target') | {
-        'target_key': (('target',), np.array([one.key for one in target.attractors]), named(
-            'attractor at the other amplitude', None)),
-        'target_letter': (('target',), np.array([one.letter for one in target.attractors]), named(
-            'its letter in the paper, empty for none', None))}
+        f'target_{name}': (('target',), np.array([getattr(one, name) for one in reached]), named(
+            words, None)) for name, words in (
+                ('key', 'attractor at the other amplitude'),
+                ('letter', 'its letter in the paper, empty for none'))}
 
 
 def _states_of(parameters: Parameters, attractor: Attractor) -> FloatArray:

@@ -42,7 +42,7 @@ def test_the_largest_disc_is_that_of_the_distance_transform(phase, turns):
     plane = Plane(phase=phase, velocity=(-1.0, 1.5), phases=61, velocities=50)
     inside = np.random.default_rng(3).random((50, 61)) < 0.97
     steps = 2.5 / 50, (phase[1] - phase[0]) / 61
-    found = study.largest_disc(inside, plane.phase_values(), plane.velocity_values())
+    found = study.largest_disc(inside, plane)
     best = 0.0
     for half in (inside[:20], inside[20:]):
         cells = np.tile(half, 3) if turns else np.pad(half, ((0, 0), (1, 1)))
@@ -51,8 +51,7 @@ def test_the_largest_disc_is_that_of_the_distance_transform(phase, turns):
     assert found[0] == pytest.approx(best, rel=1e-12)
     assert inside[np.argmin(abs(plane.velocity_values() - found[2])),
                   np.argmin(abs(plane.phase_values() - found[1]))]
-    assert study.largest_disc(inside & False, plane.phase_values(),
-                              plane.velocity_values())[0] == 0.0
+    assert study.largest_disc(inside & False, plane)[0] == 0.0
 
 
 def test_settling_times_are_those_of_the_simulator():
