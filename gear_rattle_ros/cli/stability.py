@@ -24,9 +24,8 @@ from ..core.defaults import BASINS_CAP
 
 def _add_options(parser: Parser) -> None:
     options.add_model(parser)
-    options.add_plane(parser, size=200)
+    options.add_grid(parser, BASINS_CAP, 200)
     options.add_search(parser, initial_conditions=10_000)
-    add(parser, 'cap', whole(1), BASINS_CAP, 'impacts after which a cell or a kick is given up')
     add(parser, 'reach', number, 2.0, 'largest kick that is tried [1]')
     parser.add_argument('--to', type=number, metavar='X',
                         help='an amplitude to which alpha jumps: where trajectories go then')

@@ -57,7 +57,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
               tolerance: float = TOLERANCE, initial_conditions: int = 10_000, seed: int = SEED,
               hold: int = HOLD, reach: float = REACH, to: float | None = None,
               erosion: tuple[float, float] | None = None, columns: int = 41,
-              trajectories: int = 2000, omega: float | None = None,
+              trajectories: int = 2000, omega: float | None = None, tile: int | None = None,
               **options: Unpack[WorkOptions]) -> Store:
     """
     Find how far the attractors are from being left.
@@ -69,7 +69,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
 
     Parameters
     ----------
-    parameters, plane, cap, tolerance, initial_conditions, seed, hold
+    parameters, plane, cap, tolerance, initial_conditions, seed, hold, tile
         As `basins` takes them; `cap` is for kicks, too.
     reach : float
         The largest kick that is tried [1].
@@ -103,7 +103,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         asked |= {'erosion_window': list(erosion), 'columns': columns,
                   'trajectories': trajectories}
     store = work.begin(grid_layout(plane, attractors.identity_of(
-        NAME, parameters, plane, **asked), TITLE, cap))
+        NAME, parameters, plane, **asked), TITLE, cap, tile))
     initial = plane.draw(parameters, initial_conditions, seed)
     catalogue = find_attractors(parameters, initial, tolerance=tolerance, hold=hold,
                                 threads=work.threads)
