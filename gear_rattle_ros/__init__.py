@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.saddle import saddle as saddle
     from .studies.section import section as section
+    from .studies.stability import stability as stability
     from .studies.transitions import transitions as transitions
 
 __all__ = [

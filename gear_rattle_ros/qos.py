@@ -63,9 +63,9 @@ OVERRIDABLE: Final[Mapping[str, Mapping[str, Sequence[str]]]] = {
     'simulator': {'publisher': ('impacts', 'joint_states', '/clock')},
     'lyapunov': {'publisher': ('lyapunov',), 'subscription': ('impacts',)},
     'transients': {'publisher': ('transient', 'last_impact'), 'subscription': ('impacts',)},
-    'basin': {'publisher': _BASIN},
+    'basin': {'publisher': (*_BASIN, 'smallest_kick')},
     'recorder': {'subscription': ('impacts', 'joint_states', 'lyapunov', 'transient',
-                                  'last_impact', *_BASIN)},
+                                  'last_impact', *_BASIN, 'smallest_kick')},
     'teleop': {},
     'viewer': {'subscription': ('impacts', 'lyapunov', 'transient', *_BASIN)},
 }

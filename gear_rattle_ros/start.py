@@ -65,6 +65,7 @@ GROUPS = {
         'orbit_diagram': ('cli.orbit_diagram', 'count impact velocities against alpha'),
         'continuation': ('cli.continuation', 'follow attractors across alpha'),
         'transitions': ('cli.transitions', 'locate every transition in windows of alpha'),
+        'stability': ('cli.stability', 'find how far attractors are from being left'),
         'crisis': ('cli.crisis', 'locate the crisis of a chaotic attractor'),
         'saddle': ('cli.saddle', 'follow edge states and chaotic saddles'),
         'figures': ('cli.figures', 'redraw the figures of the paper'),

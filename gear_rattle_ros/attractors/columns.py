@@ -21,6 +21,7 @@ import numpy as np
 
 from .catalogue import Attractor, Catalogue, Kind
 from .finding import find_attractors
+from .kicks import smallest_kick
 from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import SWEEP
 from ..core.many.settling import RecordArray
@@ -39,6 +40,7 @@ class Window:
     bins: int = 1200
     # Impacts after which all is unsettled, and for which nothing may leave a chaotic attractor.
     hold: int = 10_000
+    kicks: bool = False  # whether the smallest kick of each attractor is sought
 
     def __post_init__(self) -> None:
         if self.keep < BLOCKS:
@@ -61,6 +63,7 @@ class Branch:
     exponent: float
     exponent_error: float
     exact_sum: float  # what both exponents add up to [1]
+    kick: float = math.nan  # the smallest at an impact that changes the attractor [1]
 
 
 def find_branches(parameters: Parameters, initial: RecordArray, window: Window,
@@ -70,7 +73,12 @@ def find_branches(parameters: Parameters, initial: RecordArray, window: Window,
     catalogue = find_attractors(parameters, initial, hold=window.hold, known=known, effort=SWEEP,
                                 threads=1)
     found = sorted(catalogue.attractors, key=lambda each: (-each.settled, each.key))
-    return catalogue, [_branch(each, catalogue, window) for each in found]
+    branches = [_branch(each, catalogue, window) for each in found]
+    if window.kicks:
+        kicks = [smallest_kick(catalogue, each, cap=window.hold, threads=1) for each in found]
+        branches = [dataclasses.replace(branch, kick=kick.size) if kick else branch
+                    for branch, kick in zip(branches, kicks, strict=True)]
+    return catalogue, branches
 
 
 def _branch(attractor: Attractor, catalogue: Catalogue, window: Window) -> Branch:

@@ -95,6 +95,15 @@ class Plane:
         return dataclasses.replace(self, phase=windows[0], velocity=windows[1])
 
 
+class Section(Plane):
+    """The same window with every initial condition on the wall that it moves towards."""
+
+    def cells(self, parameters: Parameters, velocities: slice, phases: slice) -> RecordArray:
+        cells = super().cells(parameters, velocities, phases)
+        cells['displacement'] = np.where(cells['velocity'] < 0.0, -1.0, 0.0)
+        return cells
+
+
 def initial_condition(parameters: Parameters, phase: float, velocity: float,
                       displacement: float) -> RecordArray:
     """Return one initial condition, validated, as START."""

@@ -32,6 +32,8 @@ def _add_options(parser: Parser) -> None:
         'a chaotic attractor lasts where trajectories stay for this number of impacts')
     parser.add_argument('--boundary', action='store_true', help='measure the boundary between the '
                         'basins at each alpha, too: about a second each')
+    parser.add_argument('--kicks', action='store_true',
+                        help='carry the smallest kick that changes each attractor along')
     options.add_plane(parser)
     options.add_seed(parser)
 

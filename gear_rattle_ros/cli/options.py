@@ -116,8 +116,8 @@ def add_search(parser: Parser, *, initial_conditions: int = defaults.INITIAL_CON
         'distance within which an orbit is reached [1]')
 
 
-def add_grid(parser: Parser, cap: int) -> None:
-    add_plane(parser, size=400)
+def add_grid(parser: Parser, cap: int, size: int = 400) -> None:
+    add_plane(parser, size=size)
     add(parser, 'cap', whole(1), cap, 'impacts after which a cell is given up')
     parser.add_argument('--tile', type=whole(1), metavar='N',
                         help='cells along the edge of a tile')

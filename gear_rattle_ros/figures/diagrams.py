@@ -155,7 +155,10 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     alphas = dataset['alpha'].values
     shares = dataset['share'].values[0]
     count = dataset.attrs['trajectories']
-    below = EXPONENT_HEIGHT + BOTTOM if 'boundary' in dataset.attrs else 0
+    panels = [draw_panel for name, draw_panel in (('kick', _draw_kicks),
+                                                  ('boundary_exponent', _draw_boundary))
+              if name in dataset]
+    below = len(panels) * (EXPONENT_HEIGHT + GAP)
     figure = new_figure(LEFT + WIDTH + RIGHT, 560 + below, looks)
     axes = add_axes(figure, LEFT, BOTTOM + below, WIDTH, 560 - BOTTOM - TOP)
     for mine, colour in _coloured(dataset, 0, looks):
@@ -166,26 +169,37 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
     _mark(axes, dataset, looks)
     axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
-    axes.set_xlabel(ALPHA_LABEL, fontsize=12)
+    lowest = axes
+    for row, draw_panel in enumerate(panels, 1):
+        lowest.tick_params(labelbottom=False)
+        lowest = add_axes(figure, LEFT, BOTTOM + below - row * (EXPONENT_HEIGHT + GAP), WIDTH,
+                          EXPONENT_HEIGHT)
+        draw_panel(lowest, dataset, looks)
+        lowest.set_xlim(alphas[0], alphas[-1])
+        lowest.set_ylim(bottom=0.0)
+    lowest.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
     style.write_title(figure, LEFT, looks.title or (
         'Shares of the attractors; fold solid, doubling dotted, crisis dashed'))
     _legend(axes, dataset, looks)
-    if below:
-        _draw_boundary(add_axes(figure, LEFT, BOTTOM, WIDTH, EXPONENT_HEIGHT), dataset)
     return figure
 
 
-def _draw_boundary(axes: Axes, dataset: 'xarray.Dataset') -> None:
-    """Draw the exponent and the entropy of the boundary between basins against alpha."""
+def _draw_kicks(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
+    for mine, colour in _coloured(dataset, 0, looks):
+        axes.plot(dataset['alpha'].values, _of(mine, dataset['kick'].values[0]), '.-',
+                  color=colour, linewidth=0.9, markersize=3)
+    axes.set_ylabel('smallest kick [1]', fontsize=12)
+
+
+def _draw_boundary(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
+    # The exponent and the entropy of the boundary between basins.
     alphas = dataset['alpha'].values
     for name, mark, words in (('entropy', 'o', 'boundary basin entropy S_bb'),
                               ('exponent', 's', 'uncertainty exponent')):
         values, errors = (dataset[f'boundary_{name}{end}'].values[0] for end in ('', '_error'))
         axes.errorbar(alphas, values, errors, fmt=f'{mark}-', markersize=3, linewidth=0.9,
                       color=GREY if mark == 's' else 'black', label=words)
-    axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, None))
-    axes.set_xlabel(ALPHA_LABEL, fontsize=12)
     axes.set_ylabel('boundary [1]', fontsize=12)
     axes.legend(frameon=False, fontsize=11)
 

@@ -40,6 +40,7 @@ PICTURES: Final = {
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'saddle': {'': 'saddle.draw_saddle'},
     'section': {'': 'section.draw_section'},
+    'stability': {'': 'stability.draw_stability'},
 }
 
 

@@ -36,14 +36,16 @@ from .base.node import ReportingNode
 from .base.process import run_node
 from .base.scales import nice_limit
 from .. import messages
-from ..attractors.catalogue import Attractor, others_where
+from ..attractors.catalogue import Attractor, Catalogue, Kind, others_where
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
+from ..attractors.kicks import Kick, smallest_kick
 from ..attractors.matching import points_of, recognise, Trace
 from ..attractors.plane import Plane
-from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
+from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch, WHOLE_FROM
+from ..core.flight.lanes import make_initial_conditions
 from ..core.many.chaotic_sets import BRIEF
 from ..core.many.settling import UNSETTLED
-from ..core.model import Parameters
+from ..core.model import EventArray, Parameters, Wall
 from ..core.words import counted
 from ..palette import colours_of, painted
 from ..qos import LATCHED, NEWEST
@@ -52,6 +54,11 @@ from ..qos import LATCHED, NEWEST
 POLL: Final = 0.01
 # Parameters that stay for this time have settled; until then pictures are coarse [s].
 SETTLED: Final = 0.05
+# Time between two looks at where the present trajectory leads [s], and impacts of one.
+LOOK: Final = 1.0
+LOOK_CAP: Final = 2_000
+# Steps of the scans for kicks: each takes a few tenths of a second.
+KICK_STEPS: Final = 128
 # Highest velocity of the plane, in units of the fastest impact's.
 ROOM: Final = 1.5
 POINT: Final = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<f4'),
@@ -115,11 +122,19 @@ class Picture:
     memory: Memory
 
 
+@dataclasses.dataclass(frozen=True)
+class Kicks:
+    """The smallest kick of every attractor, by label."""
+
+    catalogue: Catalogue
+    kicks: Mapping[int, Kick | None]
+
+
 class Job(threading.Thread):
     """A thread of low priority that computes the pictures at one set of parameters."""
 
     def __init__(self, wanted: Wanted, memory: Memory, settings: Settings, is_coarse: bool,
-                 put: Callable[['Job', Picture | None], None]) -> None:
+                 put: Callable[['Job', Picture | Kicks | None], None]) -> None:
         super().__init__(name='basins', daemon=True)
         self.wanted = wanted
         self.is_coarse = is_coarse
@@ -153,6 +168,7 @@ class Job(threading.Thread):
         sizes = settings.sizes[:1] if self.is_coarse else settings.sizes
         planes = [Plane(settings.displacement, velocity=(-limit, limit), phases=size,
                         velocities=size) for size in sizes]
+        kicks: Kicks | None = None
         for basins in watch(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
                             threads=settings.threads, is_dropped=self.dropped.is_set):
             traces, hues = recognise(memory.traces, basins.catalogue,
@@ -161,6 +177,19 @@ class Job(threading.Thread):
             # Finer pictures give way to everything, but must not starve: they may hold the GIL.
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
+            if kicks is None and basins.is_complete and len(basins.labels) >= min(
+                    WHOLE_FROM, settings.sizes[-1]):
+                kicks = self._kicks(basins.catalogue)
+                self._put(self, kicks)
+
+    def _kicks(self, catalogue: Catalogue) -> Kicks:
+        def check() -> None:
+            if self.dropped.is_set():
+                raise Dropped
+
+        return Kicks(catalogue, {each.label: smallest_kick(
+            catalogue, each, steps=KICK_STEPS, cap=catalogue.hold,
+            threads=self._settings.threads, check=check) for each in catalogue.attractors})
 
 
 class Basin(ReportingNode):
@@ -179,7 +208,11 @@ class Basin(ReportingNode):
         # The job that runs, and the one that was started last.
         self._job: Job | None = None
         self._begun: Job | None = None
-        self._results: queue.SimpleQueue[tuple[Job, Picture | None]] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[tuple[Job, Picture | Kicks | None]] = queue.SimpleQueue()
+        # The newest event and its stamp, the kicks at its parameters, and what was published last.
+        self._last: tuple[EventArray, Time] | None = None
+        self._kicks: Kicks | None = None
+        self._announced: tuple[int, int] | None = None
         self._waking, self._is_closed = threading.Lock(), False
         self._words = 'no impacts yet'
         self._counts = {'pictures': 0, 'parameters': 0, 'dropped': 0}
@@ -188,10 +221,12 @@ class Basin(ReportingNode):
         give_way(self._settings.niceness)
         self._outputs = [self.create_publisher(kind, name, LATCHED) for kind, name in (
             (DiagnosticArray, 'basin_state'), (PointCloud2, 'attractors'), (Image, 'basin'))]
+        self._kick_output = self.create_publisher(DiagnosticArray, 'smallest_kick', LATCHED)
         self._stream = self.create_subscription(
             PointCloud2, 'impacts', lambda cloud: None, NEWEST, callback_group=Unwatched())
         self._arrived = self.create_guard_condition(self._publish)
         self.every(POLL, self._look)
+        self.every(LOOK, self._announce)
         self.get_logger().info('ready')
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
@@ -219,11 +254,29 @@ class Basin(ReportingNode):
             return
         last = events[-1]
         parameters = Parameters.of(last)
+        is_new_epoch = self._last is not None and last['epoch'] != self._last[0][0]['epoch']
+        self._last = events[-1:], cloud.header.stamp
         before, now = self._wanted, time.monotonic()
         if before is None or parameters != before.parameters:
             self._wanted = Wanted(parameters, int(last['epoch']), cloud.header.stamp, now,
                                   before is not None and now - before.since < SETTLED)
             self._counts['parameters'] += 1
+            self._kicks = self._announced = None
+        elif is_new_epoch:
+            self._announce()
+
+    def _announce(self) -> None:
+        """Publish the smallest kick of the attractor that the present trajectory leads to."""
+        if self._kicks is None or self._last is None:
+            return
+        catalogue, (event, stamp) = self._kicks.catalogue, self._last
+        found = catalogue.label(make_initial_conditions(
+            catalogue.parameters, event['phase'], event['displacement'],
+            event['velocity_after']), LOOK_CAP, threads=1)
+        label, epoch = int(found['label'][0]), int(event['epoch'][0])
+        if (label, epoch) != self._announced:
+            self._announced = label, epoch
+            self._kick_output.publish(kick_report(self._kicks, label, epoch, stamp))
 
     def _decide(self) -> None:
         wanted, job, begun = self._wanted, self._job, self._begun
@@ -242,7 +295,7 @@ class Basin(ReportingNode):
                                           wanted.is_passing and not has_settled, self._put)
             self._job.start()
 
-    def _put(self, job: Job, picture: Picture | None) -> None:
+    def _put(self, job: Job, picture: Picture | Kicks | None) -> None:
         self._results.put((job, picture))
         with self._waking:
             if not self._is_closed:
@@ -252,6 +305,10 @@ class Basin(ReportingNode):
         while not self._results.empty():
             job, picture = self._results.get()
             if job is not self._job:
+                continue
+            if isinstance(picture, Kicks):
+                self._kicks = picture
+                self._announce()
                 continue
             if picture is None:
                 self._job = None
@@ -318,6 +375,31 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
                 'kind': each.kind.value, 'share': each.share, 'colour': colours[each.label],
                 'impacts': each.impacts, 'drive_periods': each.drive_periods}, stamp).status)
     return state
+
+
+def kick_report(kicks: Kicks, label: int, epoch: int, stamp: Time) -> DiagnosticArray:
+    """Return the message on the smallest kick of an attractor."""
+    # Rest may be reached that no initial condition of the search did.
+    known = {each.label: each for each in (
+        *others_where(lambda _: True), *kicks.catalogue.attractors)}
+    one = known[label]
+    kick = kicks.kicks.get(label)
+    values: dict[str, object] = {
+        **dataclasses.asdict(kicks.catalogue.parameters), 'epoch': epoch, 'letter': one.letter,
+        'key': one.key, 'kind': one.kind.value}
+    if kick is None:
+        words = (f'{one.title}: within {counted(LOOK_CAP, "impact")} it is on no attractor'
+                 if one.kind is Kind.UNSETTLED else
+                 f'{one.title}: no kick that was tried changes the attractor')
+    else:
+        target, wall = known[kick.target], Wall(kick.wall).label
+        words = (f'{one.title}: a kick of {kick.change:+.6f} at the {wall} wall, phase '
+                 f'{kick.phase:.4f}, leads to {target.title}')
+        values |= {'kick': kick.change, 'wall': wall, 'phase': kick.phase,
+                   'velocity': kick.velocity, 'velocity_after': kick.velocity_after,
+                   'target_letter': target.letter, 'target_key': target.key,
+                   'resolution': kick.resolution, 'unsettled': kick.unsettled}
+    return messages.diagnostic_array('basin: smallest kick', 'basin', 'ok', words, values, stamp)
 
 
 def warm_up(settings: Settings) -> None:

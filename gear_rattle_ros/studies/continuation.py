@@ -39,7 +39,8 @@ BINS: Final = 1200
 def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
                  plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
                  keep: int = 512, hold: int = HOLD, tolerance: float = 1e-7, seed: int = SEED,
-                 boundary: bool = False, **options: Unpack[WorkOptions]) -> Store:
+                 boundary: bool = False, kicks: bool = False,
+                 **options: Unpack[WorkOptions]) -> Store:
     """
     Follow attractors and their shares across alpha; locate where they are born, double and end.
 
@@ -55,12 +56,14 @@ def continuation(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.
         Accuracy of the ends of chaotic attractors, in alpha [1].
     boundary : bool
         Whether the boundary between the basins is measured at each alpha, coarsely.
+    kicks : bool
+        Whether the smallest kick that changes each attractor is carried along.
 
     """
     require_tolerance(tolerance)
     work = Work(**options)
     diagram = Diagram(parameters, alphas, columns, plane or Plane(), trajectories, seed,
-                      Window(keep, bins=BINS, hold=hold), ('random',), boundary)
+                      Window(keep, bins=BINS, hold=hold, kicks=kicks), ('random',), boundary)
     store = compute(diagram, work, NAME)
     search = Search(diagram, store, tolerance, hold)
     with work.report('continuation, searches for events', search.size, uneven=True) as progress:

@@ -105,6 +105,8 @@ def layout_of(diagram: Diagram) -> Layout:
         impacts_counted=window.keep, velocity_window=[window.low, window.high], bins=window.bins,
         sweeps=list(diagram.sweeps), **({'boundary': 1} if diagram.boundary else {}))
     del identity['alpha']
+    if window.kicks:
+        identity['kicks'] = 'smallest'
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     axes = (
         Axis('sweep', np.array(diagram.sweeps), named(
@@ -133,6 +135,8 @@ def layout_of(diagram: Diagram) -> Layout:
             ('exponent', ('slot',), '<f8', 'largest Lyapunov exponent per impact', '1'),
             ('exponent_error', ('slot',), '<f8', 'standard error; 0 from exact multipliers', '1'),
             ('exact_sum', ('slot',), '<f8', 'exact sum of both exponents, 2 ln r - beta <D>', '1'),
+            *((('kick', ('slot',), '<f8', 'smallest kick at an impact that changes the attractor; '
+                'nan where none does', '1'),) if window.kicks else ()),
             ('member_state', ('slot', 'state'), '<f8',
              'where one of its trajectories is; of an orbit, at an impact', None),
             ('end_state', ('lane', 'state'), '<f8',
@@ -159,7 +163,7 @@ def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDA
             points = one.attractor.points(POINTS)[:POINTS]
             values['point'][slot][:len(points)] = points
             values['kind'][slot] = KINDS.index(one.attractor.kind.value)
-            for name in ('exponent', 'exponent_error', 'exact_sum'):
+            for name in {'exponent', 'exponent_error', 'exact_sum', 'kick'} & values.keys():
                 values[name][slot] = getattr(one, name)
             orbit = one.attractor.orbit
             if orbit:

@@ -30,14 +30,15 @@ from numba.core import event
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes
+from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes, stability
 from gear_rattle_ros.cli.compilation import reporting_compilation
 from gear_rattle_ros.cli.options import number, Parser
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 from gear_rattle_ros.studies.progress import in_words, Progress
 
-TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main}
+TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': lifetimes.main,
+         'stability': stability.main}
 
 
 @pytest.mark.parametrize(('tool', 'options', 'words'), [
@@ -66,6 +67,11 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('lifetimes', '--cap 100 --tail 100', 'does not lie below the cap'),
     ('attractors', '--initial-conditions 0', "'0' is not a whole number from 1 on"),
     ('attractors', '--sizes 3', 'unrecognized arguments'),
+    ('stability', '--reach 0', 'reach = 0.0 is outside'),
+    ('stability', '--omega=-1', 'omega = -1.0 is outside'),
+    ('stability', '--to=-1', 'to = -1.0 is outside'),
+    ('stability', '--erosion 0.5 0.4', 'alpha window 0.5 to 0.4 is empty or reversed'),
+    ('stability', '--erosion 0.5 0.6', 'alpha 0.48 is not in the window'),
 ])
 def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path, monkeypatch):
     """The line names the value, the status is 2, and nothing is written."""
@@ -143,7 +149,9 @@ def test_a_store_is_named_after_its_question(tool, options, name, monkeypatch):
     ('basins', '--alpha 1.244 --cap 1000 --initial-conditions 64 --hold 1000',
      ('label', 'lifetime')),
     pytest.param('lifetimes', '--cap 4000 --initial-conditions 64 --hold 4000',
-                 ('label', 'lifetime', 'survival'), marks=pytest.mark.long)])
+                 ('label', 'lifetime', 'survival'), marks=pytest.mark.long),
+    pytest.param('stability', '--initial-conditions 64 --hold 4000 --to 0.5',
+                 ('label', 'attractor_kick_size', 'attractor_tipped'), marks=pytest.mark.long)])
 def test_ctrl_c_keeps_finished_tiles(tmp_path, tool, options, grids):
     """A real process is interrupted, and the command it prints finishes the store."""
     def command(path):

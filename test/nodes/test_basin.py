@@ -31,7 +31,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.watching import glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNSETTLED
-from gear_rattle_ros.core.model import EventArray, Parameters, State
+from gear_rattle_ros.core.model import EventArray, Parameters, State, Wall
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.basin import Basin, Job, Memory, picture_of, Settings, Wanted
 from gear_rattle_ros.palette import ENDS
@@ -158,6 +158,47 @@ def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin:
     assert {key: each['colour'] for key, each in later.items()} == {
         key: each['colour'] for key, each in attractors.items()}
     assert values_of(pictures.states[-1])['epoch'] == '1'
+    assert basin.stop(signal.SIGINT) == 0, basin.text()
+
+
+def test_the_smallest_kick_is_of_the_present_attractor(
+        start: Callable, rclpy_node: Node, spin: Callable) -> None:
+    """The kick that is published is applied to the simulator, which then is on what it names."""
+    clouds = rclpy_node.create_publisher(PointCloud2, 'impacts', STREAM)
+    found: list[DiagnosticArray] = []
+    rclpy_node.create_subscription(DiagnosticArray, 'smallest_kick', found.append, LATCHED)
+    basin = start('basin', '--ros-args', '-p', 'size:=100')
+    basin.wait_for('ready', 120.0)
+    spin(clouds.get_subscription_count)
+
+    def publish_until(count: int, events: EventArray) -> None:
+        # Again and again: the node may match the publisher later than that matches the node.
+        def has_come() -> bool:
+            clouds.publish(cloud_from_events(events[-5:], STAMP))
+            return len(found) >= count
+
+        spin(has_come, 60.0)
+
+    simulation = Simulation(Parameters(0.48), State(0, 0.0, 0.0, -0.5))
+    publish_until(1, simulation.advance(300, 0.0, 2000))
+    first = values_of(found[0])
+    kick = {name: float(first[name]) for name in ('kick', 'phase', 'velocity_after')}
+    assert (first['alpha'], first['epoch']) == ('0.48', '0')
+    assert {first['letter'], first['target_letter']} == {'A', 'B'}
+    assert float(first['resolution']) < 0.1 * abs(kick['kick'])
+    event = simulation.advance(1000, 0.0, 1)
+    while abs(event['velocity_after'][0] - kick['velocity_after']) > 1e-6:
+        event = simulation.advance(1000, 0.0, 1)
+    assert event['phase'][0] == pytest.approx(kick['phase'], abs=1e-6)
+    assert Wall(-int(event['displacement'][0])).label == first['wall']
+    kicked = simulation.reset(event['phase'][0], event['displacement'][0],
+                              event['velocity_after'][0] + kick['kick'])
+    publish_until(2, np.concatenate([event, kicked, simulation.advance(1000, 0.0, 2000)]))
+    second = values_of(found[-1])
+    assert (second['epoch'], second['letter']) == ('1', first['target_letter'])
+    # The impacts of the attractor that it was led to.
+    assert len(set(np.round(simulation.advance(1500, 0.0, 60)['velocity'][-12:], 4))) == {
+        'A': 3, 'B': 2}[second['letter']]
     assert basin.stop(signal.SIGINT) == 0, basin.text()
 
 

@@ -31,6 +31,7 @@ from gear_rattle_ros.cli import (
     motion,
     orbit_diagram,
     section,
+    stability,
     transitions,
 )
 from gear_rattle_ros.store.store import open_dataset
@@ -49,6 +50,7 @@ SMALL = {
     orbit_diagram: '--alpha 0.48 0.5 --columns 3 --bins 20 --trajectories 3 --skip 100 '
                    '--keep 256',
     section: '--alpha 0.48 --trajectories 3 --keep 300 --skip 10 --bins 9 8',
+    stability: '--size 6 --initial-conditions 20 --hold 1000 --cap 1000 --to 0.5',
     transitions: '--alpha 0.10 0.101 --columns 2 --trajectories 4 --hold 500 --keep 256'}
 
 

@@ -123,6 +123,7 @@ def bag_of_everything(path: Path) -> None:
         ('transient', 'diagnostic_msgs/msg/DiagnosticArray'),
         ('attractors', 'sensor_msgs/msg/PointCloud2'),
         ('basin_state', 'diagnostic_msgs/msg/DiagnosticArray'),
+        ('smallest_kick', 'diagnostic_msgs/msg/DiagnosticArray'),
     ):
         channel = writer.add_topic(topic(f'/{name}', kind))
         if name == 'impacts':

@@ -52,6 +52,7 @@ _TOPICS: Final = (
     ('basin', Image, _LATCHED_INPUT),
     ('attractors', PointCloud2, _LATCHED_INPUT),
     ('basin_state', DiagnosticArray, _LATCHED_INPUT),
+    ('smallest_kick', DiagnosticArray, _LATCHED_INPUT),
     ('/diagnostics', DiagnosticArray, STREAM_INPUT),
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
     ('/clock', Clock, profile(1000, is_reliable=False)),

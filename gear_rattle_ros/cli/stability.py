@@ -1,0 +1,41 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The command `stability`."""
+
+from . import options
+from .options import add, number, whole
+from .refusal import Parser
+from .run import Command
+from ..core.defaults import BASINS_CAP
+
+
+def _add_options(parser: Parser) -> None:
+    options.add_model(parser)
+    options.add_grid(parser, BASINS_CAP, 200)
+    options.add_search(parser, initial_conditions=10_000)
+    add(parser, 'reach', number, 2.0, 'largest kick that is tried [1]')
+    parser.add_argument('--to', type=number, metavar='X',
+                        help='an amplitude to which alpha jumps: where trajectories go then')
+    parser.add_argument('--erosion', type=number, nargs=2, metavar=('A', 'B'),
+                        help='window of alpha in which shares and smallest kicks are followed')
+    add(parser, 'columns', whole(2), 41, 'amplitudes of that window')
+    add(parser, 'trajectories', whole(1), 2000, 'random initial conditions at each of them')
+    parser.add_argument('--omega', type=number, metavar='X',
+                        help='angular frequency of the drive [rad/s]: times are in seconds, too')
+
+
+main = Command('stability', 'Find how far attractors are from being left: basin stability, '
+               'settling times, smallest kicks, discs, erosion, tipping.', _add_options)

@@ -1,0 +1,120 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Erosion: what is left of basins and of the smallest kicks as alpha moves away."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from .continuation import BINS
+from .diagram import Diagram
+from .orbit_diagram import compute
+from .work import Arrays, Work
+from ..attractors.catalogue import Catalogue, Kind
+from ..attractors.columns import Window
+from ..attractors.listing import named
+from ..attractors.plane import Plane
+from ..core.arrays import FloatArray
+from ..core.flight.lanes import make_initial_conditions
+from ..core.words import in_columns
+
+# Parts of what there is at alpha, and quantities, of which the amplitudes are sought.
+LEVELS: Final = (0.9, 0.5)
+QUANTITIES: Final = ('share', 'kick')
+
+
+def erosion_of(catalogue: Catalogue, plane: Plane, window: tuple[float, float], columns: int,
+               trajectories: int, seed: int, work: Work) -> dict[str, Any]:
+    """Follow the attractors of a catalogue in alpha both ways; return tables of a dataset."""
+    alpha = catalogue.parameters.alpha
+    count = len(catalogue.attractors)
+    alphas, values = [np.array([alpha])], [np.full((count, 2, 1), math.nan)]
+    left = np.full((count, len(QUANTITIES), len(LEVELS), 2, 2), math.nan)
+    for side, end in enumerate(window):
+        if end == alpha:
+            continue
+        ends = min(alpha, end), max(alpha, end)
+        diagram = Diagram(
+            catalogue.parameters, ends, max(2, 1 + round(
+                (columns - 1) * (ends[1] - ends[0]) / (window[1] - window[0]))),
+            plane, trajectories, seed, Window(bins=BINS, kicks=True), ('random',))
+        store = compute(diagram, Work(threads=work.threads, progress=work.progress),
+                        f'erosion in {ends[0]:g} to {ends[1]:g}')
+        numbers, share, kick, states = (store.read_all(name)[0] for name in (
+            'attractor', 'share', 'kick', 'member_state'))
+        order = np.arange(len(numbers))[::1 if end > alpha else -1]
+        # Which is which at alpha: where the state of each leads.
+        some = np.flatnonzero(numbers[order[0]] >= 0)
+        labels = catalogue.label(make_initial_conditions(
+            catalogue.parameters, *states[order[0], some].T), threads=work.threads)['label']
+        here = np.full((count, 2, len(order)), math.nan)
+        for k, each in enumerate(catalogue.attractors):
+            if each.kind is Kind.UNSETTLED or each.label not in labels:
+                continue
+            mine = numbers == numbers[order[0], some[np.argmax(labels == each.label)]]
+            here[k, 0] = np.where(mine, share, 0.0).sum(axis=1)[order]
+            here[k, 1] = np.where(mine, kick, -math.inf).max(axis=1)[order]
+            here[k, 1][~mine.any(axis=1)[order]] = 0.0
+            for q, noise in enumerate((trajectories, 0)):
+                for n, level in enumerate(LEVELS):
+                    left[k, q, n, side] = where_left(
+                        diagram.values[order], here[k, q], level, noise)
+        values[0][..., 0] = here[..., 0]
+        alphas.insert(len(alphas) * side, diagram.values[order][1:][::1 if side else -1])
+        values.insert(len(values) * side, here[..., 1:][..., ::1 if side else -1])
+    share, kick = np.concatenate(values, axis=2).transpose(1, 0, 2)
+    over = 'attractor', 'quantity', 'level', 'side'
+    return {
+        'erosion_alpha': (('erosion',), np.concatenate(alphas), named('amplitude of the drive')),
+        'erosion_share': (('attractor', 'erosion'), share, named(
+            'share of the random initial conditions')),
+        'erosion_kick': (('attractor', 'erosion'), kick, named(
+            'smallest kick that changes the attractor; 0 where it is not there, nan for none')),
+        'attractor_left': (over, left[..., 0], named(
+            'amplitude at which 90 and 50 % of share and kick are left, below and above alpha')),
+        'attractor_left_error': (over, left[..., 1], named('how well it is known'))}
+
+
+def where_left(alphas: FloatArray, values: FloatArray, level: float, trajectories: int
+               ) -> tuple[float, float]:
+    """Return where a part of the first value is left for the first time, and the error; or nan."""
+    # The error is that of the shares of `trajectories`, and a quarter of the last step at least.
+    below = np.flatnonzero(values < level * values[0])
+    if not len(below):
+        return math.nan, math.nan
+    k = int(below[0])
+    step, fall = alphas[k] - alphas[k - 1], values[k - 1] - values[k]
+    errors = [value * (1.0 - value) / trajectories if trajectories else 0.0
+              for value in values[[0, k]]]
+    error = math.sqrt(level**2 * errors[0] + errors[1]) * abs(step) / fall
+    return (float(alphas[k - 1] + step * (values[k - 1] - level * values[0]) / fall),
+            max(error, 0.25 * abs(step)))
+
+
+def describe_erosion(dataset: Arrays, some: npt.NDArray[np.int64], names: list[str]) -> str:
+    """List the amplitudes at which parts of the shares and the kicks are left."""
+    left, errors = (dataset[f'attractor_{name}'].values for name in ('left', 'left_error'))
+    rows = []
+    for name, k in zip(names, some, strict=True):
+        for q, quantity in enumerate(QUANTITIES):
+            rows.append([name, quantity, *(
+                f'{left[k, q, n, side]:.5f} +- {errors[k, q, n, side]:.5f}' if math.isfinite(
+                    left[k, q, n, side]) else 'not in the window'
+                for n in range(len(LEVELS)) for side in range(2))])
+    return in_columns(['erosion', 'of', *(f' {level:.0%} left {side} alpha' for level in LEVELS
+                                          for side in ('below', 'above'))], rows)

@@ -1,0 +1,314 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""How far attractors are from being left: what to know before choosing an operating point."""
+
+import dataclasses
+import math
+from typing import Any, Final, Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+from . import attractors
+from .erosion import describe_erosion, erosion_of
+from .grid import compute_grid, grid_layout
+from .work import Arrays, Study, Work, WorkOptions
+from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS, others_where
+from ..attractors.finding import find_attractors
+from ..attractors.kicks import Kick, REACH, smallest_displacement, smallest_kick
+from ..attractors.listing import named
+from ..attractors.plane import Plane, Section
+from ..core.arrays import FloatArray, IntArray
+from ..core.defaults import BASINS_CAP, HOLD, SEED, TOLERANCE
+from ..core.flight.elementary import TWO_PI
+from ..core.flight.lanes import make_initial_conditions
+from ..core.flight.simulation import Simulation
+from ..core.many.recorded import record_impacts
+from ..core.many.settling import RecordArray, UNSETTLED
+from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite, State, Wall
+from ..core.words import in_columns
+from ..store.store import Store
+
+NAME: Final = 'stability'
+TITLE: Final = 'Stability of the attractors of the gear-rattling model'
+# Impacts that are kept at once, to find when trajectories settle.
+ROOM: Final = 1_000_000
+# Moments at which the amplitude jumps, and between two of them on a chaotic attractor the drive
+# periods, whose fractions are spread evenly.
+MOMENTS: Final = 1000
+BETWEEN: Final = 10.0 + 0.5 * (math.sqrt(5.0) - 1.0)
+
+
+@Study
+def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = BASINS_CAP,
+              tolerance: float = TOLERANCE, initial_conditions: int = 10_000, seed: int = SEED,
+              hold: int = HOLD, reach: float = REACH, to: float | None = None,
+              erosion: tuple[float, float] | None = None, columns: int = 41,
+              trajectories: int = 2000, omega: float | None = None, tile: int | None = None,
+              **options: Unpack[WorkOptions]) -> Store:
+    """
+    Find how far the attractors are from being left.
+
+    The dataset has the basins on the section, each initial condition on the wall that it moves
+    towards, and of every attractor its share, how soon trajectories settle on it, the smallest
+    kick at an impact and the smallest displacement of an impact that change the attractor, and the
+    largest disc in its basin.
+
+    Parameters
+    ----------
+    parameters, plane, cap, tolerance, initial_conditions, seed, hold, tile
+        As `basins` takes them; `cap` is for kicks, too.
+    reach : float
+        The largest kick that is tried [1].
+    to : float, optional
+        An amplitude to which alpha jumps at a random moment: where trajectories go then.
+    erosion : tuple of float, optional
+        Window of alpha, in which shares and smallest kicks are followed.
+    columns, trajectories : int
+        Amplitudes of that window, and random initial conditions at each.
+    omega : float, optional
+        Angular frequency of the drive [rad/s]: times are given in seconds, too.
+
+    """
+    attractors.require_tolerance(tolerance)
+    require_finite('reach', reach, 1e-9, 100.0)
+    if omega is not None:
+        require_finite('omega', omega, 1e-9, 1e9)
+    work, plane = Work(**options), plane or Plane(phases=200, velocities=200)
+    target = None if to is None else dataclasses.replace(
+        parameters, alpha=require_finite('to', to, 0.0, ALPHA_MAXIMUM))
+    asked: dict[str, Any] = {'size': [plane.phases, plane.velocities], 'cap': cap,
+                             'tolerance': tolerance, 'initial_conditions': initial_conditions,
+                             'seed': seed, 'hold': hold, 'reach': reach}
+    if to is not None:
+        asked['to'] = to
+    if erosion is not None:
+        attractors.require_window(erosion)
+        if not erosion[0] <= parameters.alpha <= erosion[1]:
+            raise ValueError(f'alpha {parameters.alpha:g} is not in the window of erosion '
+                             f'{erosion[0]:g} to {erosion[1]:g}; widen it')
+        asked |= {'erosion_window': list(erosion), 'columns': columns,
+                  'trajectories': trajectories}
+    store = work.begin(grid_layout(plane, attractors.identity_of(
+        NAME, parameters, plane, **asked), TITLE, cap, tile))
+    initial = plane.draw(parameters, initial_conditions, seed)
+    catalogue = find_attractors(parameters, initial, tolerance=tolerance, hold=hold,
+                                threads=work.threads)
+    catalogue = compute_grid(store, Section(**vars(plane)), catalogue, cap, work, NAME)
+    attractors.write_attractors(store, catalogue)
+    if not store.has_table('attractor_disc_radius'):
+        store.write_table(_settling(catalogue, initial, work) | _kicks(
+            catalogue, reach, cap, work) | _discs(store, catalogue, plane))
+    if target and not store.has_table('attractor_tipped'):
+        store.write_table(_tipped(catalogue, find_attractors(
+            target, plane.draw(target, initial_conditions, seed), tolerance=tolerance, hold=hold,
+            threads=work.threads), work))
+    if erosion and not store.has_table('attractor_left'):
+        store.write_table(erosion_of(catalogue, plane, erosion, columns, trajectories, seed, work))
+    store.set_attributes({'omega': omega or 0.0})
+    return store
+
+
+def _table(name: str, values: Any, words: str, units: str | None = '1', *others: str) -> Any:
+    return {f'attractor_{name}': (('attractor', *others), np.array(values),
+                                  named(words, units))}
+
+
+def _settling(catalogue: Catalogue, initial: RecordArray, work: Work) -> dict[str, Any]:
+    """Find how soon the random initial conditions settle: mean, median, largest."""
+    results = catalogue.label(initial, threads=work.threads)
+    periods = settling_times(initial, results['lifetime'])
+    rows = []
+    for each in catalogue.attractors:
+        mine = (results['label'] == each.label) & (each.kind is not Kind.UNSETTLED)
+        rows.append([[np.mean(times[mine]), np.median(times[mine]), np.max(times[mine])]
+                     if mine.any() else [math.nan] * 3
+                     for times in (results['lifetime'], periods)])
+    lifetimes = np.array(rows).reshape(-1, 2, 3)
+    words = 'until a trajectory is within the tolerance of the attractor: mean, median, largest'
+    return _table('settling_impacts', lifetimes[:, 0], f'impacts {words}', '1', 'moment') | _table(
+        'settling_periods', lifetimes[:, 1], f'drive periods {words}', '1', 'moment')
+
+
+def settling_times(initial: RecordArray, lifetimes: IntArray) -> FloatArray:
+    """Return when trajectories make their impact of these numbers [drive periods]."""
+    times = np.zeros(len(initial))
+    order = np.argsort(-lifetimes, kind='stable')
+    order = order[lifetimes[order] > 0]
+    while len(order):
+        longest = int(lifetimes[order[0]])
+        some, order = np.split(order, [max(ROOM // longest, 1)])
+        rows, _ = record_impacts(initial[some], 0, longest)
+        last = rows[np.arange(len(some)), lifetimes[some] - 1]
+        times[some] = last['cycle'] + (last['phase'] - initial['phase'][some]) / TWO_PI
+    return times
+
+
+def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str, Any]:
+    """Find the smallest kick and displacement of each attractor."""
+    tables: dict[str, Any] = {}
+    found: list[tuple[Kick | None, Kick | None]] = []
+    with work.report(f'{NAME}, kicks', len(catalogue.attractors)) as progress:
+        for each in catalogue.attractors:
+            kick = smallest_kick(catalogue, each, reach=reach, cap=cap, threads=work.threads)
+            found.append((kick, smallest_displacement(
+                catalogue, each, kick, reach=reach, cap=cap, threads=work.threads)))
+            progress.add(1)
+    for name, kicks in zip(('kick', 'displacement'), zip(*found, strict=True), strict=True):
+        what = f'smallest {name} of an impact that changes the attractor'
+        for field in dataclasses.fields(Kick):
+            tables |= _table(f'{name}_{field.name}', [
+                getattr(kick, field.name) if kick else UNSETTLED if field.type is int else math.nan
+                for kick in kicks], f'{what}: {field.name.replace("_", " ")}',
+                'rad' if 'phase' in field.name else '1')
+    return tables
+
+
+def _discs(store: Store, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
+    labels = store.read_all('label')
+    discs = [largest_disc(labels == each.label, plane) for each in catalogue.attractors]
+    tables: dict[str, Any] = {}
+    for name, values in zip(('radius', 'phase', 'velocity'), zip(*discs, strict=True),
+                            strict=True):
+        tables |= _table(f'disc_{name}', values, f'largest disc in the basin on the section: '
+                         f'{name}', 'rad' if name == 'phase' else '1')
+    return tables
+
+
+def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, float, float]:
+    """Return radius and centre of the largest disc of cells; it leaves neither window nor wall."""
+    # Of a cell, the distance to the centre of the nearest one that is not inside.
+    turns = math.isclose(plane.phase[1] - plane.phase[0], TWO_PI)
+    width, height = ((high - low) / count for (low, high), count in (
+        (plane.phase, plane.phases), (plane.velocity, plane.velocities)))
+    velocities, best = plane.velocity_values(), (0.0, math.nan, math.nan)
+    for half in (velocities >= 0.0, velocities < 0.0):
+        rows = np.flatnonzero(half)
+        if not len(rows):
+            continue
+        cells = np.pad(inside[rows], ((1, 1), (0, 0) if turns else (1, 1)))
+        places = np.arange(len(cells))[:, None]
+        below = np.maximum.accumulate(np.where(cells, 0, places))
+        above = np.minimum.accumulate(np.where(cells, len(cells) - 1, places)[::-1])[::-1]
+        apart = (np.minimum(places - below, above - places) * height)**2
+        nearest = apart.copy()
+        for shift in range(1, cells.shape[1]):
+            away = (min(shift, cells.shape[1] - shift) * width)**2
+            np.minimum(nearest, np.roll(apart, shift, axis=1) + away, out=nearest)
+        nearest = nearest[1:-1] if turns else nearest[1:-1, 1:-1]
+        row, column = np.unravel_index(np.argmax(nearest), nearest.shape)
+        radius = math.sqrt(nearest[row, column])
+        if radius > best[0]:
+            best = radius, float(plane.phase_values()[column]), float(velocities[rows[row]])
+    return best
+
+
+def _tipped(catalogue: Catalogue, target: Catalogue, work: Work) -> dict[str, Any]:
+    """Let alpha jump at many moments of each attractor, and find where trajectories settle."""
+    labels = [target.label(make_initial_conditions(target.parameters, *_states_of(
+        catalogue.parameters, each).T), threads=work.threads)['label']
+        for each in catalogue.attractors]
+    # Rest may be reached that no random initial condition did.
+    known = {one.label for one in target.attractors}
+    reached = [*target.attractors, *others_where(lambda label: label not in known and any(
+        label in found for found in labels))]
+    shares = [[np.mean(found == one.label) if len(found) else math.nan for one in reached]
+              for found in labels]
+    return _table('tipped', shares, 'share of the moments from which the trajectory settles there '
+                  'when alpha jumps', '1', 'target') | {
+        f'target_{name}': (('target',), np.array([getattr(one, name) for one in reached]), named(
+            words, None)) for name, words in (
+                ('key', 'attractor at the other amplitude'),
+                ('letter', 'its letter in the paper, empty for none'))}
+
+
+def _states_of(parameters: Parameters, attractor: Attractor) -> FloatArray:
+    """List where an attractor is at many moments, evenly in time: phase, displacement, s'."""
+    if attractor.orbit:
+        orbit = attractor.orbit
+        begin = State(0, orbit.phases[0], -float(orbit.walls[0]), orbit.velocities[0])
+        step = orbit.drive_periods / MOMENTS
+    elif attractor.chaos:
+        one = attractor.chaos.states[0]
+        begin = State(0, *(float(one[name]) for name in ('phase', 'displacement', 'velocity')))
+        step = BETWEEN
+    elif attractor.kind is Kind.RESTING:
+        begin, step = State(displacement=0.0 if 'upper' in attractor.key else -1.0), 1.0 / MOMENTS
+    else:
+        return np.zeros((0, 3))
+    simulation, states = Simulation(parameters, begin), []
+    for number in range(MOMENTS):
+        turns, part = divmod(begin.phase / TWO_PI + number * step, 1.0)
+        phase = min(part * TWO_PI, math.nextafter(TWO_PI, 0.0))
+        # The first phase may lie an ulp before the beginning.
+        simulation.advance(*max((int(turns), phase), simulation.moment), 1_000_000)
+        state = simulation.state
+        states.append((state.phase, state.displacement, state.velocity))
+    return np.array(states)
+
+
+def describe(dataset: Arrays) -> str:
+    """Put the stability of every attractor in words."""
+    a, omega = dataset.attrs, dataset.attrs['omega']
+    some = np.flatnonzero(dataset['attractor_kind'].values != Kind.UNSETTLED.value)
+    if not len(some):
+        return attractors.describe(dataset)
+    one = {name: dataset[f'attractor_{name}'].values for name in (
+        'label', 'letter', 'key', 'settling_impacts', 'settling_periods', 'disc_radius',
+        'disc_phase', 'disc_velocity')}
+    names = {label: key for label, (key, _) in OTHERS.items()} | {
+        int(label): str(letter or key) for label, letter, key in zip(
+            one['label'], one['letter'], one['key'], strict=True)}
+    mine = [names[int(label)] for label in one['label'][some]]
+    seconds = [' mean [s]', ' largest [s]'] if omega else []
+    parts = [attractors.describe(dataset), in_columns(
+        ['settling', ' mean [impacts]', ' median', ' largest', ' mean [drive periods]', ' largest',
+         *seconds],
+        [[name, *(f'{value:,.0f}' for value in one['settling_impacts'][k]),
+          *(f'{value:,.1f}' for value in one['settling_periods'][k, ::2]),
+          *(f'{value * TWO_PI / omega:.4g}' for value in one['settling_periods'][
+              k, ::2] if omega)] for name, k in zip(mine, some, strict=True)])]
+    for what, heading in (('kick', 'smallest kick'), ('displacement', 'smallest displacement')):
+        rows = []
+        for name, k in zip(mine, some, strict=True):
+            kick = {field.name: dataset[f'attractor_{what}_{field.name}'].values[k]
+                    for field in dataclasses.fields(Kick)}
+            if not math.isfinite(kick['size']):
+                rows.append([name, f'none to {a["reach"]:g}', *[''] * 5])
+                continue
+            rows.append([name, f'{kick["size"]:.6f}',
+                         f'({kick["phase_change"]:+.6f}, {kick["change"]:+.6f})'
+                         if what == 'displacement' else f'{kick["change"]:+.6f}',
+                         f'{Wall(int(kick["wall"])).label}, {kick["phase"]:.4f}, '
+                         f'{kick["velocity"]:+.4f}', names[int(kick['target'])],
+                         f'{kick["resolution"]:.1e}', f'{100.0 * kick["unsettled"]:.2f}'])
+        parts.append(in_columns(
+            [heading, ' size [1]', ' change', 'impact: wall, phase, velocity', 'leads to',
+             ' dents under', ' unsettled [%]'], rows))
+    parts.append(in_columns(
+        ['largest disc', ' radius [1]', ' phase', ' velocity'],
+        [[name, f'{one["disc_radius"][k]:.3f}', f'{one["disc_phase"][k]:.3f}',
+          f'{one["disc_velocity"][k]:+.3f}'] for name, k in zip(mine, some, strict=True)]))
+    if 'to' in a:
+        targets = [letter or key for letter, key in zip(
+            dataset['target_letter'].values, dataset['target_key'].values, strict=True)]
+        parts.append(in_columns(
+            [f'after a jump to alpha {a["to"]:g} [%]', *(f' {name}' for name in targets)],
+            [[name, *(f'{100.0 * share:.1f}' for share in dataset['attractor_tipped'].values[k])]
+             for name, k in zip(mine, some, strict=True)]))
+    if 'erosion_window' in a:
+        parts.append(describe_erosion(dataset, some, mine))
+    return '\n\n'.join(parts)
