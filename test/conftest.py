@@ -20,10 +20,9 @@ import fcntl
 import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
 import time
 
+from prepared import Process
 import pytest
 
 # Where Fast DDS has its segments, each beside a file that its process holds locked.
@@ -53,10 +52,7 @@ class NodeProcess:
         """Start it."""
         self.log = log
         with open(log, 'wb') as output:
-            self.process = subprocess.Popen(
-                [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments],
-                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-                start_new_session=True)
+            self.process = Process([name, *arguments], output.fileno())
 
     def text(self) -> str:
         """Return what it has written."""
