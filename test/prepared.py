@@ -20,16 +20,18 @@ import gc
 import importlib
 import json
 import os
+from pathlib import Path
 import select
 import signal
 import socket
 import subprocess
 import sys
+import time
 import traceback
 from typing import NoReturn
 
 # Their imports, and with them those of all others.
-NODES = ('simulator', 'lyapunov', 'transients', 'basin', 'recorder', 'replay', 'viewer')
+NODES = ('simulator', 'lyapunov', 'transients', 'basin', 'recorder', 'replay', 'viewer', 'suite')
 
 
 class Process:
@@ -62,6 +64,33 @@ class Process:
         """Send it a signal if it still runs."""
         if self.poll() is None:
             os.kill(self.pid, number)
+
+
+class NodeProcess:
+    """A node of the package in a process of its own."""
+
+    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
+        """Start it."""
+        self.log = log
+        with open(log, 'wb') as output:
+            self.process = Process([name, *arguments], output.fileno())
+
+    def text(self) -> str:
+        """Return what it has written."""
+        return self.log.read_text(errors='replace')
+
+    def wait_for(self, words: str, within: float = 60.0) -> None:
+        """Wait until it has written some words."""
+        deadline = time.monotonic() + within
+        while words not in self.text():
+            assert time.monotonic() < deadline, f'no {words!r} in: {self.text()}'
+            assert self.process.poll() is None or words in self.text(), self.text()
+            time.sleep(0.02)
+
+    def stop(self, number: int = signal.SIGINT, within: float = 30.0) -> int:
+        """Send a signal and return the exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(within)
 
 
 @functools.cache

@@ -55,7 +55,7 @@ def environment(changes: dict[str, str | None], place: Path) -> dict[str, str]:
     """Return the environment with changes in a place; what is compiled stays compiled."""
     folder = cache_directory()
     assert folder is not None
-    changed = {**os.environ, 'NUMBA_CACHE_DIR': str(folder.parents[1]), **changes}
+    changed = {**os.environ, 'NUMBA_CACHE_DIR': str(folder.parent), **changes}
     return {name: value.replace('{}', str(place)) for name, value in changed.items()
             if value is not None}
 
