@@ -16,6 +16,8 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # A sourced ROS installation would mix its own rclpy into it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
 unexport PYTHONPATH
+# Each of hundreds of processes would compile its sources anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 define CHECK
 import platform as p, sys

@@ -20,10 +20,9 @@ import fcntl
 import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
 import time
 
+from prepared import NodeProcess
 import pytest
 
 # Where Fast DDS has its segments, each beside a file that its process holds locked.
@@ -44,36 +43,6 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
             lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
             lock.unlink()
-
-
-class NodeProcess:
-    """A node of the package in a process of its own."""
-
-    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
-        """Start it."""
-        self.log = log
-        with open(log, 'wb') as output:
-            self.process = subprocess.Popen(
-                [sys.executable, '-m', 'gear_rattle_ros.start', name, *arguments],
-                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-                start_new_session=True)
-
-    def text(self) -> str:
-        """Return what it has written."""
-        return self.log.read_text(errors='replace')
-
-    def wait_for(self, words: str, within: float = 60.0) -> None:
-        """Wait until it has written some words."""
-        deadline = time.monotonic() + within
-        while words not in self.text():
-            assert time.monotonic() < deadline, f'no {words!r} in: {self.text()}'
-            assert self.process.poll() is None or words in self.text(), self.text()
-            time.sleep(0.02)
-
-    def stop(self, number: int = signal.SIGINT, within: float = 30.0) -> int:
-        """Send a signal and return the exit status."""
-        self.process.send_signal(number)
-        return self.process.wait(within)
 
 
 @pytest.fixture

@@ -30,7 +30,10 @@ LINTERS = {
 }
 
 
-@pytest.mark.parametrize('name', LINTERS)
+# What `make lint` runs, too, is not run twice by every build.
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=pytest.mark.long if name in ('flake8', 'pep257') else ())
+    for name in LINTERS])
 def test_linter_has_no_complaint(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its status is 0."""
     pytest.importorskip(f'ament_{name}')

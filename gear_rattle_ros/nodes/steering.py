@@ -25,7 +25,7 @@ from rclpy.exceptions import NameValidationException
 
 from .base.arguments import split_arguments
 from .base.client import Visitor
-from .base.dds_room import avoid_full_memory
+from .base.dds_room import avoid_memory
 from .base.errors import UserError
 from .base.process import ended_in_time
 from ..core.words import shown
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for word in values or words:
             if word not in known:
                 raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
-        warning = avoid_full_memory()
+        warning = avoid_memory()
         if warning:
             print(f'{name}: {warning}', file=sys.stderr)
         _steer(name, given.simulator, values, list(values or words or _LIVE))

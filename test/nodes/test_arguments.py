@@ -17,8 +17,6 @@
 from importlib.metadata import version
 import os
 from pathlib import Path
-import subprocess
-import sys
 
 import pytest
 from rclpy.utilities import try_shutdown
@@ -260,15 +258,17 @@ def test_a_misspelt_section_is_reported_and_the_node_goes_on(start, tmp_path: Pa
 
 
 @pytest.mark.parametrize('name', ['simulator', 'recorder', 'teleop'])
-def test_help_and_version_of_a_node(name: str) -> None:
+def test_help_and_version_of_a_node(start, name: str) -> None:
     """The table of parameters, from which it declares them; status 0."""
-    command = [sys.executable, '-m', 'gear_rattle_ros.start', name]
-    text = subprocess.run([*command, '--help'], capture_output=True, text=True, check=True).stdout
+    asked = start(name, '--help')
+    assert asked.process.wait(60) == 0
+    text = asked.text()
     for each in TABLES[name]:
         line, = (line for line in text.splitlines() if line.split()[:1] == [each.name])
         assert each.description in line and f'[{each.unit}]' in line or not each.unit
-    text = subprocess.run([*command, '--version'], capture_output=True, text=True, check=True)
-    assert text.stdout == f'{name} {version("gear_rattle_ros")}\n'
+    asked = start(name, '--version')
+    assert asked.process.wait(60) == 0
+    assert asked.text() == f'{name} {version("gear_rattle_ros")}\n'
 
 
 def test_the_suite_refuses_arguments_that_ros_does_not_take(start, tmp_path: Path) -> None:

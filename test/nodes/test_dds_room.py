@@ -33,6 +33,7 @@ from std_msgs.msg import UInt32
 from gear_rattle_ros.core.stream.event_points import POINT
 from gear_rattle_ros.nodes.base import dds_room
 from gear_rattle_ros.nodes.base.dds_room import (
+    avoid_memory,
     bound_backlog,
     make_room,
     MEMORY,
@@ -42,6 +43,7 @@ from gear_rattle_ros.nodes.base.dds_room import (
     SPARE,
     TRANSPORTS,
 )
+from gear_rattle_ros.nodes.base.errors import UserError
 from gear_rattle_ros.nodes.base.pacing import WINDOW
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.places import config_folder
@@ -116,6 +118,30 @@ def test_other_transports_stay(monkeypatch: pytest.MonkeyPatch, name: str, value
     monkeypatch.setenv(name, value)
     assert make_room() == ''
     assert not any(profile in os.environ for profile in PROFILES)
+
+
+def test_another_user_in_the_domain_is_noticed(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As long as the nodes live: a lock that nobody holds, or of another domain, is nothing."""
+    monkeypatch.setattr(dds_room, 'MEMORY', tmp_path)
+    with_free(monkeypatch, 1000)
+    monkeypatch.setenv('ROS_DOMAIN_ID', '7')
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    lock = tmp_path / 'fastrtps_port9161_el'
+    lock.touch()
+    with lock.open() as held:
+        monkeypatch.setattr(dds_room.os, 'getuid', lambda: lock.stat().st_uid + 1)
+        assert avoid_memory() == ''
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(UserError, match='another user has nodes in this domain; set ROS_'):
+            avoid_memory()
+        assert TRANSPORTS not in os.environ
+        monkeypatch.setenv('ROS_DOMAIN_ID', '6')
+        assert avoid_memory() == ''
+        monkeypatch.setenv('ROS_DOMAIN_ID', '7')
+        monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+        assert 'messages go over UDP' in avoid_memory()
+    assert os.environ[TRANSPORTS] == 'UDPv4'
 
 
 @pytest.mark.long

@@ -14,9 +14,6 @@
 
 """The commands that steer a simulator: set, get, reset, pause and resume."""
 
-import subprocess
-import sys
-
 import pytest
 from rcl_interfaces.srv import GetParameters
 
@@ -38,9 +35,8 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None
     asking = rclpy_node.create_client(GetParameters, '/simulator/get_parameters')
     spin(asking.service_is_ready)
     # As a process of its own.
-    done = subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', 'set', 'alpha', '1.244'],
-                          text=True, capture_output=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == (0, 'alpha = 1.244\n', '')
+    done = start('set', 'alpha', '1.244')
+    assert (done.process.wait(60), done.text()) == (0, 'alpha = 1.244\n')
     assert steer('set', 'gamma', '-1e-3', 'seed', '7.0') == (0, 'gamma = -0.001\nseed = 7\n', '')
     future = asking.call_async(GetParameters.Request(names=['alpha', 'gamma', 'seed']))
     spin(future.done)

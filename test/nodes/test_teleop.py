@@ -21,7 +21,6 @@ import os
 import pty
 import signal
 import struct
-import subprocess
 import sys
 import termios
 import threading
@@ -307,12 +306,10 @@ def test_exception_restores_the_terminal(domain) -> None:
         screen.close()
 
 
-def test_without_a_terminal_it_is_refused(domain) -> None:
+def test_without_a_terminal_it_is_refused(start) -> None:
     """One line and status 2."""
-    done = subprocess.run(
-        [sys.executable, '-m', 'gear_rattle_ros.start', 'teleop'], stdin=subprocess.DEVNULL,
-        stderr=subprocess.PIPE, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert done.stderr.splitlines() == [
+    teleop = start('teleop')
+    assert teleop.process.wait(60) == 2
+    assert teleop.text().splitlines() == [
         'teleop: stdin and stdout are not a terminal; start it in one, not in a pipe or a launch '
         'file']

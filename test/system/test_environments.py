@@ -23,8 +23,10 @@ import time
 
 from bag_maker import batches, make_bag, story
 import pytest
+from sensor_msgs.msg import PointCloud2
 
 from gear_rattle_ros.core.compiled import cache_directory
+from gear_rattle_ros.qos import STREAM
 
 PROGRAM = [sys.executable, '-m', 'gear_rattle_ros.start']
 NOBODY = ['unshare', '--user', '--map-user=54321']
@@ -51,11 +53,16 @@ FULL = [*MOUNTED, 'mount -t tmpfs -o size=64k none /dev/shm; '
         'head -c 65536 /dev/zero > /dev/shm/fill || true; exec "$@"', 'sh']
 
 
+# Another user, who may read our files and write none.
+OTHER = ['setpriv', '--reuid=54321', '--regid=54321', '--clear-groups',
+         '--inh-caps=+dac_read_search', '--ambient-caps=+dac_read_search']
+
+
 def environment(changes: dict[str, str | None], place: Path) -> dict[str, str]:
     """Return the environment with changes in a place; what is compiled stays compiled."""
     folder = cache_directory()
     assert folder is not None
-    changed = {**os.environ, 'NUMBA_CACHE_DIR': str(folder.parents[1]), **changes}
+    changed = {**os.environ, 'NUMBA_CACHE_DIR': str(folder.parent), **changes}
     return {name: value.replace('{}', str(place)) for name, value in changed.items()
             if value is not None}
 
@@ -101,6 +108,39 @@ def test_a_tool_and_a_node_do_their_work(name: str, domain: int, tmp_path: Path)
     assert node.returncode == 0, said
     assert 'recorded ' in said and 'Traceback' not in words + said
     assert ('messages go over UDP' in said) == ('shared memory' in name)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('discovery', ['SUBNET', 'LOCALHOST'])
+def test_nodes_of_two_users(start, rclpy_node, spin, tmp_path: Path,
+                            discovery: str) -> None:
+    """They hear each other over UDP, as neither writes into the other's memory, or one ends."""
+    require(OTHER)
+    home = tmp_path / 'home'
+    home.mkdir()
+    os.chown(home, 54321, 54321)
+    clouds: list[PointCloud2] = []
+    rclpy_node.create_subscription(PointCloud2, 'impacts', clouds.append, STREAM)
+    own = start('lyapunov')
+    own.wait_for('ready')
+    theirs = environment({'HOME': '{}/home', 'TMPDIR': '{}/home',
+                          'ROS_AUTOMATIC_DISCOVERY_RANGE': discovery}, tmp_path)
+    with (tmp_path / 'log').open('w') as log:
+        other = subprocess.Popen([*OTHER, *PROGRAM, 'simulator'], cwd=home, env=theirs,
+                                 stdout=log, stderr=log)
+    said = 'simulator: another user has nodes in this domain'
+    if discovery == 'LOCALHOST':
+        assert other.wait(60) == 2
+        assert (tmp_path / 'log').read_text() == f'{said}; set ROS_DOMAIN_ID to another\n'
+        return
+    try:
+        spin(lambda: len(clouds) > 20, 120.0)
+        own.wait_for('joined the stream')
+    finally:
+        other.send_signal(signal.SIGINT)
+        assert other.wait(30) == 0
+    assert (tmp_path / 'log').read_text().startswith(f'{said}: messages go over UDP, which is sl')
+    assert 'UDP' not in own.text()
 
 
 def test_shared_memory_that_is_full_is_named(domain: int, tmp_path: Path) -> None:

@@ -14,16 +14,16 @@
 
 """The suite as its user runs it: real processes, real DDS, a real bag."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+import functools
 from pathlib import Path
-import signal
 import subprocess
-import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from PIL import Image
+from prepared import NodeProcess
 import pytest
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -40,11 +40,10 @@ from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 
-def suite(*arguments: str) -> subprocess.Popen[bytes]:
-    """Start the suite."""
-    return subprocess.Popen(
-        [sys.executable, '-m', 'gear_rattle_ros.start', 'suite', '--viewer', 'none', *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
+@pytest.fixture
+def suite(start: Callable[..., NodeProcess]) -> Callable[..., NodeProcess]:
+    """Start the suite without a window."""
+    return functools.partial(start, 'suite', '--viewer', 'none')
 
 
 def left_behind(folder: Path) -> list[str]:
@@ -59,10 +58,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]]:
     folder = tmp_path_factory.mktemp('suite') / 'run'
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', '101')
-        process = suite('--duration', '8', '--output', str(folder))
-        output = process.communicate(timeout=240)[0].decode()
-    assert process.returncode == 0, output
-    yield folder, output
+        suite = NodeProcess('suite', ['--viewer', 'none', '--duration', '8', '--output',
+                                      str(folder)], folder.with_name('log'))
+        assert suite.process.wait(240) == 0, suite.text()
+    yield folder, suite.text()
     assert not left_behind(folder)
 
 
@@ -168,49 +167,46 @@ def test_replay_gives_the_same_exponents_and_transients(run, start, rclpy_node, 
 
 @pytest.mark.parametrize('after', [
     0.0, *(pytest.param(after, marks=pytest.mark.long) for after in (0.4, 1.5, 2.5, 5.0))])
-def test_ctrl_c_at_any_time_ends_it(domain, tmp_path, after):
+def test_ctrl_c_at_any_time_ends_it(suite, tmp_path, after):
     """Status 0, nothing left running; what was recorded is kept."""
-    process = suite('--duration', '0', '--alpha', '1.23', '--output', str(tmp_path / 'run'))
+    running = suite('--duration', '0', '--alpha', '1.23', '--output', str(tmp_path / 'run'))
     # Before its folder is there, python itself may not be.
     while not (tmp_path / 'run').exists():
         time.sleep(0.01)
     time.sleep(after)
     began = time.monotonic()
-    process.send_signal(signal.SIGINT)
-    output = process.communicate(timeout=30)[0].decode()
-    assert process.returncode == 0, output
-    assert 'Traceback' not in output
+    assert running.stop() == 0, running.text()
+    assert 'Traceback' not in running.text()
     # 3 s on a machine of its own; the tests share theirs.
     assert time.monotonic() - began < 10.0
     assert not left_behind(tmp_path)
 
 
-def test_folder_that_is_not_empty_is_refused(domain, tmp_path):
+def test_folder_that_is_not_empty_is_refused(suite, tmp_path):
     """One line, status 2, nothing touched."""
-    (tmp_path / 'mine').write_text('keep')
-    process = suite('--output', str(tmp_path))
-    output = process.communicate(timeout=60)[0].decode()
-    assert process.returncode == 2
-    assert output.strip().splitlines() == [
-        f'suite: {tmp_path} is not empty; name a new folder with --output']
-    assert [path.name for path in tmp_path.iterdir()] == ['mine']
+    folder = tmp_path / 'run'
+    folder.mkdir()
+    (folder / 'mine').write_text('keep')
+    refused = suite('--output', str(folder))
+    assert refused.process.wait(60) == 2
+    assert refused.text().splitlines() == [
+        f'suite: {folder} is not empty; name a new folder with --output']
+    assert [path.name for path in folder.iterdir()] == ['mine']
 
 
-def test_node_that_cannot_start_ends_the_suite(domain, tmp_path):
+def test_node_that_cannot_start_ends_the_suite(suite, tmp_path):
     """Its reason is the suite's reason."""
-    process = suite('--alpha', '-1', '--output', str(tmp_path / 'run'))
-    output = process.communicate(timeout=60)[0].decode()
-    assert process.returncode == 2
-    assert 'alpha = -1.0 is outside [0, 1000]' in output
+    ended = suite('--alpha', '-1', '--output', str(tmp_path / 'run'))
+    assert ended.process.wait(60) == 2
+    assert 'alpha = -1.0 is outside [0, 1000]' in ended.text()
     assert not left_behind(tmp_path)
 
 
 @pytest.mark.long
-def test_scene_is_played_to_its_end(domain, tmp_path):
+def test_scene_is_played_to_its_end(suite, tmp_path):
     """Both steps are in the bag: each from its own initial condition, onto its own attractor."""
-    process = suite('--scene', 'two-attractors', '--output', str(tmp_path / 'run'))
-    output = process.communicate(timeout=240)[0].decode()
-    assert process.returncode == 0, output
+    played = suite('--scene', 'two-attractors', '--output', str(tmp_path / 'run'))
+    assert played.process.wait(240) == 0, played.text()
     events = events_of(Bag(tmp_path / 'run' / 'bag'))
     resets = np.flatnonzero(events['kind'] == EventKind.RESET)
     assert list(events['velocity_after'][resets]) == [-0.5, -1.0]
@@ -225,9 +221,8 @@ def test_scene_is_played_to_its_end(domain, tmp_path):
     (['--scene', 'chaos'], "suite: no scene 'chaos'; there are hysteresis, two-attractors"),
     (['--scene', 'chaotic-b', '--then', '1'], 'suite: --then and --scene exclude each other'),
     (['--rate', '-1'], 'suite: rate = -1.0 is outside [0, 1e+07]')])
-def test_bad_arguments_are_one_line_and_status_2(arguments, words):
+def test_bad_arguments_are_one_line_and_status_2(suite, arguments, words):
     """The answer has all names, or the remedy, before anything is started."""
-    process = suite(*arguments)
-    output = process.communicate(timeout=60)[0].decode()
-    assert process.returncode == 2
-    assert output.startswith(words) and len(output.splitlines()) == 1
+    refused = suite(*arguments)
+    assert refused.process.wait(60) == 2
+    assert refused.text().startswith(words) and len(refused.text().splitlines()) == 1

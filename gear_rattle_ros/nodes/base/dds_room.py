@@ -28,6 +28,7 @@ from pathlib import Path
 import stat
 import time
 
+from .errors import UserError
 from ...places import config_folder
 
 # Fast DDS reads them when the first node of a process is made; the second from version 3 on.
@@ -74,13 +75,22 @@ def require_pages() -> None:
             raise OSError(f'{MEMORY} is full; remove what nobody needs there')
 
 
-def avoid_full_memory() -> str:
-    """Send messages over UDP where shared memory is short, before ROS begins; return why."""
-    if not _is_fast_dds() or TRANSPORTS in os.environ or _free() >= LEAST:
+def avoid_memory() -> str:
+    """Send messages over UDP where shared memory cannot, before ROS begins; return why."""
+    if not _is_fast_dds() or TRANSPORTS in os.environ:
+        return ''
+    if (free := _free()) < LEAST:
+        why = f'{MEMORY} has {free >> 10} KB free'
+        remedy = 'give a container more with --shm-size'
+    elif _is_shared():
+        why, remedy = 'another user has nodes in this domain', 'set ROS_DOMAIN_ID to another'
+        # There ROS chooses the transports, and who may not write into our memory halts the stream.
+        if os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'LOCALHOST':
+            raise UserError(f'{why}; {remedy}')
+    else:
         return ''
     os.environ[TRANSPORTS] = 'UDPv4'
-    return (f'{MEMORY} has {_free() >> 10} KB free: messages go over UDP, which is slower; give a '
-            'container more with --shm-size')
+    return f'{why}: messages go over UDP, which is slower; {remedy}'
 
 
 def remove_abandoned() -> None:
@@ -96,6 +106,27 @@ def remove_abandoned() -> None:
                 fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
                 lock.unlink()
+
+
+def _is_shared() -> bool:
+    """Whether nodes of another user, who may not write into our segments, are in this domain."""
+    domain = os.environ.get('ROS_DOMAIN_ID', '')
+    first = 7400 + 250 * (int(domain) if domain.isdecimal() else 0)
+    for number in range(first, first + 250):
+        lock = MEMORY / f'fastrtps_port{number}_el'
+        with contextlib.suppress(OSError):
+            if lock.stat().st_uid != os.getuid() and _is_held(lock):
+                return True
+    return False
+
+
+def _is_held(lock: Path) -> bool:
+    with open(lock, 'rb') as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def _free() -> int:

@@ -39,7 +39,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from . import arguments as given
-from .dds_room import avoid_full_memory
+from .dds_room import avoid_memory
 from .errors import UserError
 from .node import ReportingNode, set_back
 
@@ -160,7 +160,7 @@ def exit_status(name: str, arguments: list[str] | None, make: Callable[[], Made]
                 print(given.help_on(name))
                 return 0
             given.refuse_plain(name, plain)
-            lacking = avoid_full_memory()
+            lacking = avoid_memory()
             begin(ros)
             for line in filter(None, (lacking, *given.misspelt_sections(name, ros))):
                 print(f'{name}: {line}', file=sys.stderr, flush=True)
