@@ -14,6 +14,7 @@
 
 """Periodic orbits, stable or not: closed by Newton's method, described, named."""
 
+import cmath
 import dataclasses
 import functools
 import math
@@ -23,18 +24,15 @@ import numpy as np
 import numpy.typing as npt
 
 from .impact_map import shoot
+from .newton import CLOSED, close_ring
 from .section import distances
 from ..arrays import FloatArray, RecordArray
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import TWO_PI
 from ..model import Parameters
 
-# Defects below this are rounding [1]; steps that get no smaller below it are, too.
-CLOSED: Final = 1e-12
-ROUNDING: Final = 1e-11
 # Points nearer than this are one [rad, 1].
 REPEATS: Final = 1e-7
-NEWTON_STEPS: Final = 40
 # A point that moves further than this has left the orbit [1].
 REACH: Final = 0.5
 # Impacts that nearly recur lie this near to their orbit [1].
@@ -153,28 +151,11 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Pa
     """Find a periodic orbit near impacts (phase, velocity) by Newton's method."""
     # None where there is none, or a point would have to move farther than `reach` [1].
     walls = np.ascontiguousarray(walls, np.int64)
-    seed = np.array(points, np.float64).reshape(len(walls), 2)
-    x = seed.copy()
-    at_alpha = np.zeros(2 * len(walls) + 1)
-    at_alpha[-1] = 1.0
-    shortest = math.inf
-    for _ in range(NEWTON_STEPS):
-        shot = fire(walls, x, parameters)
-        if shot is None:
-            return None
-        try:
-            change = solve_ring(shot, shot.defects, at_alpha, 0.0)[:-1]
-        except np.linalg.LinAlgError:
-            return None
-        size = float(np.max(np.abs(change)))
-        x = x - change.reshape(x.shape)
-        if not np.max(np.abs(x - seed)) <= reach:
-            return None
-        if size < CLOSED or (size >= shortest and np.max(np.abs(shot.defects)) < ROUNDING):
-            q = _least_period(walls, x)
-            return orbit_at(walls[:q], x[:q], parameters)
-        shortest = min(shortest, size)
-    return None
+    x = np.array(points, np.float64).reshape(len(walls), 2)
+    if not close_ring(walls, x, np.zeros((len(walls), 8)), reach, parameters.model):
+        return None
+    q = _least_period(walls, x)
+    return orbit_at(walls[:q], x[:q], parameters)
 
 
 def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
@@ -218,11 +199,16 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
     turns = round(time / TWO_PI)
     if turns < 1 or abs(time - turns * TWO_PI) > 1e-8:
         return None
-    multipliers = np.linalg.eigvals(shot.derivative()).astype(np.complex128)
-    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind='stable')]
+    # Of a large and a tiny one the matrix alone would lose the tiny one; their product is exact.
+    half = 0.5 * float(np.trace(shot.derivative()))
+    product = (parameters.restitution**(2 * len(walls))
+               * math.exp(-parameters.beta * TWO_PI * turns))
+    first = half + math.copysign(1.0, half) * cmath.sqrt(half * half - product)
+    second = product / first if first else 0.0
     x = points.copy()
     x[:, 0] = np.mod(x[:, 0], TWO_PI)
-    return Orbit(parameters, walls, x, np.roll(shot.times, 1), turns, multipliers)
+    return Orbit(parameters, walls, x, np.roll(shot.times, 1), turns,
+                 np.array([first, second], np.complex128))
 
 
 def close_near(parameters: Parameters, row: RecordArray, reach: float = NEAR) -> Orbit | None:

@@ -1,0 +1,97 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The search for all periodic orbits, stable or not, on threads."""
+
+from collections.abc import Callable
+import functools
+from typing import Final
+
+from .engine import run_tiles
+from ..core.arrays import FloatArray, IntArray
+from ..core.model import Parameters
+from ..core.orbits.listing import OrbitList, Rings
+
+# Points of the section in the first round and at the most; those of one call of the kernel, which
+# cannot be stopped.
+FIRST: Final = 1024
+MOST: Final = 16_384
+BATCH: Final = 32
+
+
+def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, most: int = MOST,
+                known: OrbitList | None = None, threads: int | None = None,
+                cluster: str | None = None,
+                reached: Callable[[int, OrbitList | None], None] = lambda points, found: None
+                ) -> OrbitList:
+    """
+    Find all periodic orbits up to a number of impacts, stable or not, but those that stick.
+
+    Seeds are pieces of trajectories that come nearly back, from points spread evenly over the
+    section: many lie where trajectories stay long. Newton's method closes them. The number of
+    points is doubled until a doubling adds no orbit.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The model.
+    longest : int
+        Impacts of the longest orbit.
+    first, most : int
+        Points of the section in the first round, and in all at the most.
+    known : OrbitList, optional
+        What an earlier search of the same orbits has found, to go on from.
+    threads, cluster
+        As `Work` takes them.
+    reached : callable
+        Called with the points that are done just now, and after each round with the list, too; it
+        raises to give up.
+
+    Returns
+    -------
+    OrbitList
+        The orbits by impacts, drive periods and key, and how far they are complete.
+
+    """
+    found = known or OrbitList(parameters, longest)
+    while not found.is_complete and found.points < most:
+        begin = found.points
+        end = min(2 * begin, most) or min(first, most)
+        parts: dict[int, list[tuple[IntArray, FloatArray, int]]] = {}
+
+        def keep(tile: int, rows: list[tuple[IntArray, FloatArray, int]],
+                 parts: dict[int, list[tuple[IntArray, FloatArray, int]]] = parts) -> None:
+            parts[tile] = rows
+            reached(min(BATCH, end - tile), None)
+
+        tiles = range(begin, end, BATCH)
+        run_tiles(functools.partial(_seek, found, end), tiles, keep, threads=threads,
+                  cluster=cluster)
+        rings = Rings(found)
+        # In their order, so that the result does not depend on the threads.
+        for tile in tiles:
+            for row in parts[tile]:
+                rings.add(*row)
+        found = rings.listed(found.rounds, end)
+        reached(0, found)
+    return found
+
+
+def _seek(found: OrbitList, end: int, tile: int) -> list[tuple[IntArray, FloatArray, int]]:
+    rings = Rings(found)
+    before = [seeds for _, _, seeds in rings.rows()]
+    rings.seek(tile, min(BATCH, end - tile))
+    return [(walls, points, seeds - (before[i] if i < len(before) else 0))
+            for i, (walls, points, seeds) in enumerate(rings.rows())]
