@@ -26,7 +26,7 @@ from ..core.orbits.listing import OrbitList, Rings
 
 # Points of the section in the first round and at the most; those of one call of the kernel, which
 # cannot be stopped.
-FIRST: Final = 1024
+FIRST: Final = 2048
 MOST: Final = 16_384
 BATCH: Final = 32
 
@@ -40,8 +40,9 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
     Find all periodic orbits up to a number of impacts, stable or not, but those that stick.
 
     Seeds are pieces of trajectories that come nearly back, from points spread evenly over the
-    section: many lie where trajectories stay long. Newton's method closes them. The number of
-    points is doubled until a doubling adds no orbit.
+    section: many lie where trajectories stay long. Two known orbits that come near each other are
+    seeds, too, one after the other. Newton's method closes them. The number of points is doubled
+    until a doubling adds no orbit.
 
     Parameters
     ----------
@@ -84,6 +85,7 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
         for tile in tiles:
             for row in parts[tile]:
                 rings.add(*row)
+        rings.splice()
         found = rings.listed(found.rounds, end)
         reached(0, found)
     return found

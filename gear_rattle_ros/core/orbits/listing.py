@@ -38,6 +38,8 @@ STEPS: Final = (0.7548776662466927, 0.5698402909980532)
 # of a seed may move farther than this onto its orbit [rad, 1].
 FOLLOWED: Final = 64
 REACH: Final = 0.5
+# Orbits are put together where they come this near to each other [rad, 1].
+SPLICED: Final = 0.3
 # An orbit that so many seeds have led to is well known: where a step of Newton's method leads to it
 # but for this part of the step, no more are taken. (Where another orbit is so near that it could
 # be the aim, as beside a fold, a step does not come near either.)
@@ -130,6 +132,14 @@ class Rings:
             self._make_room(self.known + 1)
             first, self.known = seek(first, end, fastest, *self._arrays, self.known, p.model)
 
+    def splice(self) -> None:
+        """Add what two orbits lead to that come near each other, one after the other."""
+        # So are found those that hardly a trajectory comes near to.
+        whole = self.known
+        for i in range(whole):
+            self._make_room(self.known + whole * self.longest)
+            self.known = splice(i, whole, *self._arrays, self.known, self.parameters.model)
+
     def rows(self) -> list[tuple[IntArray, FloatArray, int]]:
         """List walls, points and seeds of each."""
         walls, points, impacts, seeds = self._arrays
@@ -216,6 +226,36 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
                                  known)
             n += 1
     return end, known
+
+
+@kernel
+def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntArray,
+           seeds: IntArray, known: int, model: Model) -> int:
+    """Close orbit i followed by another, from where they are nearest on; return the known."""
+    longest = rings.shape[1]
+    ring, carried = np.zeros((longest, 2)), np.zeros((longest, 8))
+    on_walls = np.zeros(longest, np.int64)
+    for j in range(i, whole):
+        q = impacts[i] + impacts[j]
+        if q > longest:
+            continue
+        for k in range(impacts[i]):
+            best, nearest = -1, SPLICED
+            for n in range(impacts[j]):
+                apart = max(abs(turned(rings[i, k, 0] - rings[j, n, 0])),
+                            abs(rings[i, k, 1] - rings[j, n, 1]))
+                if walls[j, n] == walls[i, k] and apart < nearest and (i != j or k < n):
+                    best, nearest = n, apart
+            if best < 0:
+                continue
+            for one in range(q):
+                row, at = (i, k + one) if one < impacts[i] else (j, best + one - impacts[i])
+                at %= impacts[row]
+                on_walls[one] = walls[row, at]
+                ring[one] = rings[row, at]
+            if close_ring(on_walls[:q], ring[:q], carried, REACH, model):
+                known = keep(on_walls[:q], ring[:q], walls, rings, impacts, seeds, 1, known)
+    return known
 
 
 @kernel
