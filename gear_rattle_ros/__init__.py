@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .studies.manifolds import manifolds as manifolds
     from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
+    from .studies.orbits import orbits as orbits, read_orbits as read_orbits
     from .studies.saddle import saddle as saddle
     from .studies.section import section as section
     from .studies.stability import stability as stability
@@ -55,10 +56,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
-    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
+    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'boundary',
     'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'manifolds',
-    'motion', 'open_dataset', 'orbit_diagram', 'read_bag', 'rebuild', 'save', 'section',
-    'transitions', '__version__',
+    'motion', 'open_dataset', 'orbit_diagram', 'orbits', 'read_bag', 'read_orbits', 'rebuild',
+    'saddle', 'save', 'section', 'stability', 'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -72,9 +73,10 @@ MODULES = {
     'core.stream.transients': ['TransientDetector'],
     'figures.draw': ['draw', 'save'],
     'store.store': ['open_dataset'],
+    'studies.orbits': ['orbits', 'read_orbits'],
     **{f'studies.{name}': [name] for name in (
-        'basins', 'continuation', 'crisis', 'exponents', 'lifetimes', 'manifolds', 'motion',
-        'orbit_diagram', 'section', 'transitions')},
+        'basins', 'boundary', 'continuation', 'crisis', 'exponents', 'lifetimes', 'manifolds',
+        'motion', 'orbit_diagram', 'saddle', 'section', 'stability', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

@@ -20,9 +20,8 @@ import functools
 from typing import Final
 
 from .engine import run_tiles
-from ..core.arrays import FloatArray, IntArray
 from ..core.model import Parameters
-from ..core.orbits.listing import OrbitList, Rings
+from ..core.orbits.listing import OrbitList, Rings, Row
 
 # Points of the section in the first round and at the most; those of one call of the kernel, which
 # cannot be stopped.
@@ -66,24 +65,23 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
         The orbits by impacts, drive periods and key, and how far they are complete.
 
     """
+    parts: dict[int, list[Row]] = {}
     found = known or OrbitList(parameters, longest)
     while not found.is_complete and found.points < most:
         begin = found.points
         end = min(2 * begin, most) or min(first, most)
-        parts: dict[int, list[tuple[IntArray, FloatArray, int]]] = {}
-
-        def keep(tile: int, rows: list[tuple[IntArray, FloatArray, int]],
-                 parts: dict[int, list[tuple[IntArray, FloatArray, int]]] = parts) -> None:
-            parts[tile] = rows
-            reached(min(BATCH, end - tile), None)
-
         tiles = range(begin, end, BATCH)
+
+        def keep(tile: int, rows: list[Row]) -> None:
+            parts[tile] = rows
+            reached(min(BATCH, most - tile), None)
+
         run_tiles(functools.partial(_seek, found, end), tiles, keep, threads=threads,
                   cluster=cluster)
         rings = Rings(found)
         # In their order, so that the result does not depend on the threads.
         for tile in tiles:
-            for row in parts[tile]:
+            for row in parts.pop(tile):
                 rings.add(*row)
         rings.splice()
         found = rings.listed(found.rounds, end)
@@ -91,7 +89,7 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
     return found
 
 
-def _seek(found: OrbitList, end: int, tile: int) -> list[tuple[IntArray, FloatArray, int]]:
+def _seek(found: OrbitList, end: int, tile: int) -> list[Row]:
     rings = Rings(found)
     before = [seeds for _, _, seeds in rings.rows()]
     rings.seek(tile, min(BATCH, end - tile))

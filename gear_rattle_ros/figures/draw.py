@@ -38,6 +38,7 @@ PICTURES: Final = {
     'manifolds': {'': 'manifolds.draw_manifolds'},
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
+    'orbits': {'': 'orbits.draw_orbits'},
     'saddle': {'': 'saddle.draw_saddle'},
     'section': {'': 'section.draw_section'},
     'stability': {'': 'stability.draw_stability'},

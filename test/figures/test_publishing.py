@@ -42,6 +42,7 @@ COMMANDS = {
     'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
     'saddle': f'--straddled 160 --sprinkled 400 {SEARCH}',
     'stability': f'--size 12 {SEARCH} --erosion 0.47 0.48 --columns 2 --trajectories 20',
+    'orbits': f'--impacts 3 --points 64 --size 12 {SEARCH}',
     'section': '--alpha 0.57 --trajectories 4 --skip 50 --keep 50 --bins 200 200',
 }
 TITLE = 'Gears & walls, λ < 0'

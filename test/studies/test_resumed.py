@@ -24,12 +24,23 @@ import time
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import continuation, crisis, manifolds, orbit_diagram, transitions
+from gear_rattle_ros.cli import (
+    boundary,
+    continuation,
+    crisis,
+    manifolds,
+    orbit_diagram,
+    orbits,
+    saddle,
+    stability,
+    transitions,
+)
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import Store, StoreError
 
-MAINS = {'orbit_diagram': orbit_diagram.main, 'continuation': continuation.main,
-         'crisis': crisis.main, 'manifolds': manifolds.main, 'transitions': transitions.main}
+MAINS = {'boundary': boundary.main, 'continuation': continuation.main, 'crisis': crisis.main,
+         'manifolds': manifolds.main, 'orbit_diagram': orbit_diagram.main, 'orbits': orbits.main,
+         'saddle': saddle.main, 'stability': stability.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
     'boundary': ('--distances 1e-7 1e-1 --error 0.1 --size 100', 28,
@@ -44,6 +55,7 @@ TOOLS = {
                ('lifetime', 'fate', 'escape_rate')),
     'manifolds': ('--orbit orbit-2-1-U5.4554+0.8585 --length 20 --size 400', 16,
                   ('label', 'curve_phase', 'crossing_velocity')),
+    'orbits': ('--impacts 6 --points 16384 --size 100', 16, ('label', 'cycle_point_phase')),
     'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '
                     '1000', 2, ('alpha', 'alpha_error', 'kind', 'ratio')),
 }

@@ -23,7 +23,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .orbit import CLOSED, fire, Orbit, orbit_at, same_orbit, Shot, solve_ring
+from .newton import CLOSED
+from .orbit import fire, Orbit, orbit_at, same_orbit, Shot, solve_ring
 from .section import turn as turned
 from ..arrays import FloatArray
 from ..flight.elementary import TWO_PI

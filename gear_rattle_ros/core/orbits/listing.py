@@ -17,8 +17,7 @@
 
 from collections import Counter
 import dataclasses
-import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -40,9 +39,9 @@ FOLLOWED: Final = 64
 REACH: Final = 0.5
 # Orbits are put together where they come this near to each other [rad, 1].
 SPLICED: Final = 0.3
-# An orbit that so many seeds have led to is well known: where a step of Newton's method leads to it
-# but for this part of the step, no more are taken. (Where another orbit is so near that it could
-# be the aim, as beside a fold, a step does not come near either.)
+# An orbit is well known where so many seeds have led to it. One step of Newton's method that leads
+# to it but for this part of the step is enough; beside a fold, where two orbits are near each
+# other, no step comes so near to either.
 OFTEN: Final = 50
 AIMED: Final = 0.05
 # This near to a stable orbit, a trajectory has nothing more to show [1].
@@ -53,6 +52,9 @@ SAME: Final = 1e-7
 SLOWEST: Final = 1e-9
 # Orbits for which there is room at first.
 ROOM: Final = 1000
+
+# Walls, points, and how many seeds led there.
+Row: TypeAlias = tuple[IntArray, FloatArray, int]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,7 +142,7 @@ class Rings:
             self._make_room(self.known + whole * self.longest)
             self.known = splice(i, whole, *self._arrays, self.known, self.parameters.model)
 
-    def rows(self) -> list[tuple[IntArray, FloatArray, int]]:
+    def rows(self) -> list[Row]:
         """List walls, points and seeds of each."""
         walls, points, impacts, seeds = self._arrays
         return [(walls[i, :q], points[i, :q], int(seeds[i]))
@@ -156,8 +158,10 @@ class Rings:
 
     def _make_room(self, rows: int) -> None:
         if rows > len(self._arrays[0]):
-            self._arrays = tuple(np.concatenate(both) for both in zip(
-                self._arrays, _room(len(self._arrays[0]), self.longest), strict=True))
+            more = _room(len(self._arrays[0]), self.longest)
+            walls, points, impacts, seeds = (np.concatenate(both) for both in zip(
+                self._arrays, more, strict=True))
+            self._arrays = walls, points, impacts, seeds
 
 
 def _room(rows: int, longest: int) -> tuple[IntArray, FloatArray, IntArray, IntArray]:

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .impact_map import shoot
-from .newton import CLOSED, close_ring
+from .newton import close_ring, CLOSED
 from .section import distances
 from ..arrays import FloatArray, RecordArray
 from ..flight.closed_form import NO_WALL
