@@ -14,6 +14,7 @@
 
 """The boundary between basins: how uncertain, how fractal, and shared by how many basins."""
 
+import contextlib
 import dataclasses
 import functools
 import math
@@ -23,6 +24,7 @@ from typing import Final, Unpack
 import numpy as np
 
 from . import attractors
+from .saddle import boundary_saddle
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue, follow_here
 from ..attractors.finding import find_attractors
@@ -108,7 +110,7 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
     The dataset has, by `probe` and `distance`, how many random `probes` there were and how many
     of them are `cut`, as their points differ in their labels; the `exponent` of each probe;
     the `label` of every cell, the entropy of the basins in boxes and discs of cells, the two tests
-    of Wada, and the attractors.
+    of Wada, the rates of the saddle on the boundary, and the attractors.
 
     Parameters
     ----------
@@ -149,6 +151,7 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
         ('exponent_error', 'error', 'standard error of the exponent'))})
     _write_entropies(store, seed)
     _write_wada(store, plane, label, seed)
+    _write_saddle(store, plane, known, seed)
     attractors.write_attractors(store, known)
     return store
 
@@ -226,6 +229,13 @@ def label_cells(label: Labels, plane: Plane, parts: int, part: int) -> IntArray:
                  np.repeat(velocities, plane.phases)).reshape(-1, plane.phases)
 
 
+SADDLE: Final = {
+    'saddle_exponent': 'uncertainty exponent by the saddle on the boundary',
+    'saddle_exponent_error': 'its standard error',
+    'saddle_kappa': 'escape rate of the saddle per impact',
+    'saddle_lambda_1': 'its larger Lyapunov exponent per impact'}
+
+
 def _write_labels(store: Store, plane: Plane, label: Labels, work: Work) -> None:
     grid: dict[int, IntArray] = {}
     parts = min(plane.velocities, ROWS)
@@ -272,6 +282,16 @@ def _write_wada(store: Store, plane: Plane, label: Labels, seed: int) -> None:
             'after so many halvings'))})
 
 
+def _write_saddle(store: Store, plane: Plane, known: Catalogue, seed: int) -> None:
+    values = [math.nan] * len(SADDLE)
+    # Without a boundary there is none.
+    with contextlib.suppress(ValueError):
+        rates = boundary_saddle(known, plane, seed=seed)
+        values = [*rates.exponent, rates.kappa, rates.lambda_1]
+    store.write_table({name: ((), value, named(words))
+                       for (name, words), value in zip(SADDLE.items(), values, strict=True)})
+
+
 def describe(dataset: Arrays) -> str:
     """Put a boundary in words: exponents, entropies, and whether it is one of Wada."""
     labels, numbers = np.unique(dataset['label'].values, return_counts=True)
@@ -279,6 +299,11 @@ def describe(dataset: Arrays) -> str:
     if len(cells) < 2:
         return attractors.describe(dataset, cells, 'no boundary: all cells have one label')
     lines = [_law_in_words(probe, law_of(dataset, probe)) for probe in PROBES]
+    value, error, kappa, growth = (float(dataset[name].values) for name in SADDLE)
+    if math.isfinite(value):
+        lines.append(f'saddle on the boundary: exponent {value:.4f} +- {error:.4f}, dimension of '
+                     f'the boundary {2.0 - value:.4f}, from kappa {kappa:.4f} and lambda_1 '
+                     f'{growth:.4f} per impact')
     cut, probes = (int(dataset[name].values[0, -1]) for name in ('cut', 'probes'))
     lines.append(f'rounding: {cut / probes:.2%} of the triplets are cut at {ROUNDING:g}, a last '
                  'digit: up to as many single labels are beyond double precision')
