@@ -14,7 +14,6 @@
 
 """Periodic orbits, stable or not: closed by Newton's method, described, named."""
 
-import cmath
 import dataclasses
 import functools
 import math
@@ -203,8 +202,10 @@ def orbit_at(walls: npt.NDArray[np.int64], points: FloatArray,
     half = 0.5 * float(np.trace(shot.derivative()))
     product = (parameters.restitution**(2 * len(walls))
                * math.exp(-parameters.beta * TWO_PI * turns))
-    first = half + math.copysign(1.0, half) * cmath.sqrt(half * half - product)
-    second = product / first if first else 0.0
+    inside = half * half - product
+    first = (complex(half, math.sqrt(-inside)) if inside < 0.0
+             else half + math.copysign(math.sqrt(inside), half))
+    second = first.conjugate() if inside < 0.0 else product / first if first else 0.0
     x = points.copy()
     x[:, 0] = np.mod(x[:, 0], TWO_PI)
     return Orbit(parameters, walls, x, np.roll(shot.times, 1), turns,
