@@ -15,6 +15,7 @@
 """Bags verified from themselves: made here record by record, and damaged on purpose."""
 
 from collections.abc import Callable
+import dataclasses
 from pathlib import Path
 
 from bag_maker import padded, START, STEP, story, topic
@@ -161,6 +162,25 @@ def test_a_wrong_estimate_or_report_is_found(tmp_path: Path) -> None:
                     'tolerance': 1e-3}, Time(sec=number)))
     log.writer.close()
     assert "report 'transient' at impact 3456" in verify(tmp_path / 'untrue').fault
+
+
+@pytest.mark.parametrize(('off', 'holds'), [(1e-12, True), (1e-6, False)])
+def test_the_orbit_of_a_report_counts_as_far_as_it_is_known(
+        tmp_path: Path, off: float, holds: bool) -> None:
+    """Another version, or another library of linear algebra, has other last digits."""
+    log = Log(tmp_path / 'bag')
+    for number, events in enumerate(batches()):
+        log.batch(events, Time(sec=number), estimate=False, report=False)
+        for change in log.detector.update(events):
+            if change.orbit:
+                change = dataclasses.replace(change, orbit=dataclasses.replace(
+                    change.orbit, points=change.orbit.points * (1.0 + off)))
+            log.put('/transient', diagnostic_array(
+                '', '', 'ok', '', transient_values(change) | {'tolerance': 1e-3},
+                Time(sec=number)))
+    log.writer.close()
+    found = verify(tmp_path / 'bag')
+    assert bool(found.fault) is not holds, found.fault
 
 
 def test_the_first_wrong_record_is_named(
