@@ -17,12 +17,32 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
+from ..core.arrays import FloatArray, IntArray
+from ..core.flight.elementary import TWO_PI
 from ..core.words import counted, in_columns
 
 
 def named(long_name: str, units: str | None = '1') -> dict[str, str]:
     """Return the attributes of an array of a dataset."""
     return {'long_name': long_name} | ({} if units is None else {'units': units})
+
+
+def table(owner: str, **columns: tuple[Any, ...]) -> dict[str, Any]:
+    """Return arrays for `Store.write_table`: of each its values, words, unit, more dimensions."""
+    def laid(values: Any, words: str, units: str | None = '1', *others: str) -> tuple[Any, ...]:
+        return (owner, *others), np.asarray(values), named(words, units)
+
+    return {f'{owner}_{name}': laid(*column) for name, column in columns.items()}
+
+
+def impact_table(owner: str, walls: IntArray, points: FloatArray, **columns: tuple[Any, ...]
+                 ) -> dict[str, Any]:
+    """Return the arrays of impacts, which are on walls and points of the section."""
+    return table(owner, wall=(walls, 'wall: 0 upper, 1 lower'), phase=(
+        np.mod(points[:, 0], TWO_PI), 'drive phase of the impact', 'rad'), velocity=(
+            points[:, 1], 'velocity before the impact'), **columns)
 
 
 # What a table needs of a dataset.
