@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
 
-from .grids import draw_basins
-from .style import Looks
+from .grids import over_basins
+from .style import legend_mark, Looks
 from ..palette import GREY
 
 if TYPE_CHECKING:
@@ -38,40 +38,29 @@ WIDE: Final = 3.0
 def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the basins pale and the manifolds over them, before and after impacts."""
     a = dataset.attrs
-    figure = draw_basins(dataset, looks)
-    axes = figure.axes[0]
-    axes.images[0].set_alpha(0.35)
+    figure, axes = over_basins(dataset, looks, 0.35)
     stable, mark = ('#4d4d4d', 'black') if looks.is_paper else (STABLE, MARK)
-    wall, after = -int(a['displacement']), -float(a['restitution'])
+    curve = {name: dataset[f'curve_{name}'].values
+             for name in ('number', 'wall', 'begins', 'grazes')}
+    points = np.column_stack([dataset[f'curve_{axis}'].values for axis in ('phase', 'velocity')])
     for name, colour, width in (('stable', stable, 0.5), ('unstable', UNSTABLE, 0.7)):
-        chosen = [number for number, side in enumerate(a['sides'].split(', '))
-                  if side.startswith(name)]
-        mine = np.isin(dataset['curve_number'].values, chosen)
-        points = np.column_stack([dataset[f'curve_{axis}'].values for axis in
-                                  ('phase', 'velocity')])
-        joined = (mine[1:] & (dataset['curve_begins'].values[1:] == 0)
-                  & (dataset['curve_wall'].values[1:] == wall)
-                  & (np.abs(np.diff(points[:, 0])) < WIDE))
+        mine = (curve['wall'] == -a['displacement']) & np.isin(curve['number'], [
+            number for number, side in enumerate(a['sides'].split(', ')) if side.startswith(name)])
+        joined = mine[1:] & (curve['begins'][1:] == 0) & (np.abs(np.diff(points[:, 0])) < WIDE)
         steps = np.stack([points[:-1][joined], points[1:][joined]], axis=1)
-        grazing = mine & (dataset['curve_grazes'].values == 1) & (
-            dataset['curve_wall'].values == wall)
-        for factor in (1.0, after):
+        ends = points[mine & (curve['grazes'] == 1)]
+        for factor in (1.0, -a['restitution']):
             axes.add_collection(LineCollection(list(steps * (1.0, factor)), colors=colour,
                                                linewidths=width, rasterized=True))
-            axes.plot(points[grazing, 0], factor * points[grazing, 1], '.', color=colour,
-                      markersize=2.5, rasterized=True)
-    for kind, marker in (('saddle', 'o'), ('crossing', 'x')):
-        here = dataset[f'{kind}_wall'].values == wall
-        axes.plot(dataset[f'{kind}_phase'].values[here], dataset[f'{kind}_velocity'].values[here],
+            axes.plot(ends[:, 0], factor * ends[:, 1], '.', color=colour, markersize=2.5,
+                      rasterized=True)
+    handles = [Line2D([], [], color=UNSTABLE, label='unstable manifold'),
+               Line2D([], [], color=stable, label='stable manifold')]
+    for kind, words, marker in (('saddle', 'saddle', 'o'), ('crossing', 'first crossing', 'x')):
+        here = dataset[f'{kind}_wall'].values == -a['displacement']
+        axes.plot(*(dataset[f'{kind}_{axis}'].values[here] for axis in ('phase', 'velocity')),
                   marker, color=mark, markersize=7.0, markeredgewidth=2.0, zorder=4)
-    axes.set_xlim(*a['phase_window'])
-    axes.set_ylim(*a['velocity_window'])
-    axes.legend(handles=[
-        Line2D([], [], color=UNSTABLE, label='unstable manifold'),
-        Line2D([], [], color=stable, label='stable manifold'),
-        Line2D([], [], color=mark, marker='o', linestyle='none', label='saddle'),
-        *([Line2D([], [], color=mark, marker='x', linestyle='none', label='first crossing')]
-          if len(dataset['crossing_wall']) else []),
-        Line2D([], [], color=GREY, marker='.', linestyle='none', label='end at a grazing')],
-        loc='upper right', fontsize=9, framealpha=0.9)
+        handles += [legend_mark(marker, mark, words)] * bool(len(here))
+    axes.legend(handles=[*handles, legend_mark('.', GREY, 'end at a grazing')], loc='upper right',
+                fontsize=9, framealpha=0.9)
     return figure

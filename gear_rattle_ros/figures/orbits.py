@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The picture of periodic orbits over the basins."""
 
 from typing import TYPE_CHECKING
@@ -21,8 +20,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
 
-from .grids import draw_basins
+from .grids import over_basins
 from .style import Looks
+from ..core.words import counted
 from ..palette import GREY
 
 if TYPE_CHECKING:
@@ -34,14 +34,11 @@ SIZES = (9.0, 7.0, 5.5, 4.0, 2.5, 1.5)
 
 def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the basins pale and the impacts of unstable orbits over them, before and after."""
-    a = dataset.attrs
-    figure = draw_basins(dataset, looks)
-    axes = figure.axes[0]
-    axes.images[0].set_alpha(0.4)
-    wall, after = -int(a['displacement']), -float(a['restitution'])
-    owner = dataset['cycle_point_cycle'].values
-    unstable = ~dataset['cycle_is_stable'].values.astype(np.bool_)[owner]
-    here = (dataset['cycle_point_wall'].values == wall) & unstable
+    figure, axes = over_basins(dataset, looks, 0.4)
+    owner, wall, phase, velocity = (dataset[f'cycle_point_{name}'].values for name in (
+        'cycle', 'wall', 'phase', 'velocity'))
+    here = ((wall == -dataset.attrs['displacement'])
+            & ~dataset['cycle_is_stable'].values.astype(np.bool_)[owner])
     impacts = dataset['cycle_impacts'].values[owner]
     handles = []
     shown = np.unique(impacts[here])
@@ -49,18 +46,15 @@ def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for k, q in enumerate(shown.tolist()):
         mine = here & (impacts == q)
         size = SIZES[min(k, len(SIZES) - 1)]
-        for factor, fill in ((1.0, colours[k]), (after, 'none')):
-            axes.plot(dataset['cycle_point_phase'].values[mine],
-                      factor * dataset['cycle_point_velocity'].values[mine], 'o', color=colours[k],
+        for factor, fill in ((1.0, colours[k]), (-dataset.attrs['restitution'], 'none')):
+            axes.plot(phase[mine], factor * velocity[mine], 'o', color=colours[k],
                       markerfacecolor=fill, markersize=size, markeredgewidth=0.8, zorder=40 - k,
                       rasterized=True)
         if k < len(SIZES) or k == len(shown) - 1:
             handles.append(Line2D([], [], color=colours[k], marker='o', linestyle='none',
-                                  markersize=size, label=f'{q} impacts'))
+                                  markersize=size, label=counted(q, 'impact')))
     handles.append(Line2D([], [], color=GREY, marker='o', linestyle='none',
                           markerfacecolor='none', label='just after the impact'))
-    axes.set_xlim(*a['phase_window'])
-    axes.set_ylim(*a['velocity_window'])
     axes.legend(handles=handles, loc='upper right', fontsize=9, framealpha=0.9,
                 title='unstable orbits')
     return figure
