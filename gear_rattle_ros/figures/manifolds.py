@@ -14,11 +14,13 @@
 
 """The picture of manifolds over the basins that they bound."""
 
-from typing import Final, TYPE_CHECKING
+import math
+from typing import Any, Final, TYPE_CHECKING
 
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 import numpy as np
 
 from .grids import over_basins
@@ -54,13 +56,21 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
                                                linewidths=width, rasterized=True))
             axes.plot(ends[:, 0], factor * ends[:, 1], '.', color=colour, markersize=2.5,
                       rasterized=True)
-    handles = [Line2D([], [], color=UNSTABLE, label='unstable manifold'),
-               Line2D([], [], color=stable, label='stable manifold')]
+    handles: list[Any] = [Line2D([], [], color=UNSTABLE, label='unstable manifold'),
+                          Line2D([], [], color=stable, label='stable manifold')]
     for kind, words, marker in (('saddle', 'saddle', 'o'), ('crossing', 'first crossing', 'x')):
         here = dataset[f'{kind}_wall'].values == -a['displacement']
         axes.plot(*(dataset[f'{kind}_{axis}'].values[here] for axis in ('phase', 'velocity')),
                   marker, color=mark, markersize=7.0, markeredgewidth=2.0, zorder=4)
         handles += [legend_mark(marker, mark, words)] * bool(len(here))
+    for number in np.unique(dataset['cell_number'].values):
+        mine = (dataset['cell_number'].values == number) & (
+            dataset['cell_wall'].values == -a['displacement'])
+        phase = np.unwrap(dataset['cell_phase'].values[mine])
+        for turned in (-math.tau, 0.0, math.tau):
+            axes.fill(phase + turned, dataset['cell_velocity'].values[mine], color=mark,
+                      alpha=0.3, linewidth=0.0)
+        handles += [Patch(color=mark, alpha=0.3, label='basin cell')] * (number == 0)
     axes.legend(handles=[*handles, legend_mark('.', GREY, 'end at a grazing')], loc='upper right',
                 fontsize=9, framealpha=0.9)
     return figure

@@ -36,7 +36,7 @@ def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the basins pale and the impacts of unstable orbits over them, before and after."""
     figure, axes = over_basins(dataset, looks, 0.4)
     owner, wall, phase, velocity = (dataset[f'cycle_point_{name}'].values for name in (
-        'cycle', 'wall', 'phase', 'velocity'))
+        'number', 'wall', 'phase', 'velocity'))
     here = ((wall == -dataset.attrs['displacement'])
             & ~dataset['cycle_is_stable'].values.astype(np.bool_)[owner])
     impacts = dataset['cycle_impacts'].values[owner]

@@ -41,20 +41,21 @@ def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         f'alpha {a["alpha"]:g}: smallest kicks (arrows), discs round impacts, largest discs')
     figure, axes = over_basins(dataset, dataclasses.replace(looks, title=title), 0.45,
                                erodes * (2 * EROSION + BOTTOM + 20))
-    axes.set_ylabel(style.VELOCITY_LABEL, fontsize=12)
+    axes.set(xlabel=style.PHASE_LABEL, ylabel=style.VELOCITY_LABEL)
     style.name_walls(axes)
     colours, _ = colours_and_names(dataset, looks)
     colours = ENDS | colours
     for k, label in enumerate(dataset['attractor_label'].values.tolist()):
         for name, size in (('point', 40.0), ('box', 2.0)):
             mine = dataset[f'{name}_label'].values == label
-            axes.scatter(*(dataset[f'{name}_{axis}'].values[mine] for axis in (
-                'phase', 'velocity')), s=size, color=colours[label], edgecolors='white',
-                linewidths=0.6 * (name == 'point'), zorder=3)
+            phase, velocity = (dataset[f'{name}_{axis}'].values[mine] for axis in (
+                'phase', 'velocity'))
+            axes.scatter(phase, velocity, s=size, color=colours[label], edgecolors='white',
+                         linewidths=0.6 * (name == 'point'), zorder=3)
         one = {str(name).removeprefix('attractor_'): dataset[name].values[k]
                for name in dataset.data_vars if str(name).startswith('attractor_')}
-        for kind, size, line in (('disc', 'radius', ':'), ('displacement', 'size', '-')):
-            radius = one[f'{kind}_{size}']
+        for kind, name, line in (('disc', 'radius', ':'), ('displacement', 'size', '-')):
+            radius = one[f'{kind}_{name}']
             if math.isfinite(radius) and radius > 0.0:
                 axes.add_patch(Circle((one[f'{kind}_phase'], one[f'{kind}_velocity']), radius,
                                       fill=False, linestyle=line, linewidth=1.2,
