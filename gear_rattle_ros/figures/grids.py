@@ -60,16 +60,6 @@ def draw_basins(dataset: 'xarray.Dataset', looks: Looks, below: int = 0) -> Figu
     return figure
 
 
-def over_basins(dataset: 'xarray.Dataset', looks: Looks, strength: float, below: int = 0
-                ) -> tuple[Figure, Axes]:
-    """Draw the basins as pale as that [1]; what is drawn over them does not move the window."""
-    figure = draw_basins(dataset, looks, below)
-    axes = figure.axes[0]
-    axes.images[0].set_alpha(strength)
-    axes.set_ylim(*dataset.attrs['velocity_window'])
-    return figure, axes
-
-
 def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw how long every initial condition takes; as in the paper: linear, long is black."""
     cap, paper = dataset.attrs['cap'], looks.is_paper

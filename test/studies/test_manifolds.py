@@ -24,6 +24,7 @@ from gear_rattle_ros.cli.manifolds import main
 from gear_rattle_ros.core.orbits.cells import first_crossing
 from gear_rattle_ros.core.orbits.curves import grow, impact_map, segments_of
 from gear_rattle_ros.core.orbits.manifolds import saddle_of
+from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.studies.manifolds import describe, find_saddle
 from gear_rattle_ros.studies.tangency import carry, first_touch
 
@@ -66,6 +67,20 @@ def test_dataset_of_manifolds(beside_b):
     apart = np.hypot(*(beside_b[f'curve_{axis}'].values[begins, None]
                        - beside_b[f'saddle_{axis}'].values for axis in ('phase', 'velocity')))
     assert len(begins) == 8 and np.max(np.min(apart, axis=1)) < 1e-5
+
+
+def test_a_basin_cell_is_drawn_at_both_ends_of_the_phase(beside_b):
+    """The outline of a disc about a point close to 2 pi, on the upper wall."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 50)
+    dataset = beside_b.drop_vars([f'cell_{name}' for name in (
+        'number', 'wall', 'phase', 'velocity')]).assign({
+            f'cell_{name}': ('cell', values) for name, values in (
+                ('number', np.zeros(50, np.int64)), ('wall', np.zeros(50, np.int64)),
+                ('phase', np.mod(6.2 + 0.4 * np.cos(angles), 2.0 * np.pi)),
+                ('velocity', 0.8 + 0.3 * np.sin(angles)))})
+    paths = [patch.get_path() for patch in draw(dataset).axes[0].patches]
+    assert [any(path.contains_point((phase, 0.8)) for path in paths)
+            for phase in (0.2, 0.4, 3.0, 5.7, 5.9)] == [True, False, False, False, True]
 
 
 @pytest.mark.long
