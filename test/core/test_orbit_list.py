@@ -75,7 +75,7 @@ def test_the_stable_orbits_are_the_attractors(at_48: OrbitList) -> None:
 
 
 def test_the_mirrored_model_has_the_mirrored_orbits(at_48: OrbitList) -> None:
-    """s -> -1 - s and gamma -> -gamma: other walls and phases, the same multipliers."""
+    """Under s -> -1 - s and gamma -> -gamma walls and phases change, multipliers do not."""
     mirrored = find_orbits(Parameters(alpha=0.48, gamma=-0.1), 6, first=256)
 
     def sizes(found: OrbitList) -> list[tuple[int, int, float]]:

@@ -104,7 +104,7 @@ class Rings:
 
     def __init__(self, found: OrbitList) -> None:
         self.parameters, self.longest, self.known = found.parameters, found.longest, 0
-        self._arrays: tuple[Any, ...] = (
+        self._arrays = (
             np.zeros((0, self.longest), np.int64), np.zeros((0, self.longest, 2)),
             np.zeros(0, np.int64), np.zeros(0, np.int64))
         for orbit, seeds in zip(found.orbits, found.seeds, strict=True):
@@ -151,8 +151,9 @@ class Rings:
     def _make_room(self, rows: int) -> None:
         more = rows - len(self._arrays[0])
         if more > 0:
-            self._arrays = tuple(np.pad(each, [(0, more + ROOM), *[(0, 0)] * (each.ndim - 1)])
-                                 for each in self._arrays)
+            larger: Any = tuple(np.pad(each, [(0, more + ROOM), *[(0, 0)] * (each.ndim - 1)])
+                                for each in self._arrays)
+            self._arrays = larger
 
 
 @kernel
