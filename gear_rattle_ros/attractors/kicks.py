@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 The smallest change that makes a trajectory settle elsewhere: a kick, or of the section's point.
 
@@ -93,19 +92,9 @@ def smallest_change(label: Callable[[FloatArray], IntArray], own: int, origins: 
     """
     Find the smallest distance along rays at which points have another label.
 
-    Parameters
-    ----------
-    label : callable
-        Takes points, shape (n, d), and returns a label for each.
-    own : int
-        The label of the origins; `UNSETTLED` counts as unknown, and is passed over.
-    origins, directions : ndarray, shape (rays, d)
-        The rays.
-    limits : ndarray, shape (rays,)
-        The largest distance that is tried on each.
-    steps : int
-        Steps of a scan.
-
+    `label` takes points, shape (n, d), and returns a label for each; that of the `origins`, shape
+    (rays, d), is their `own`. `UNSETTLED` counts as unknown, and is passed over. `limits` are the
+    largest distances that are tried, in at least that many `steps`.
     """
     best, unknown, tried, scans = None, 0, 0, [max(steps // COARSER, 8), steps]
 
@@ -159,20 +148,11 @@ def smallest_kick(catalogue: Catalogue, attractor: Attractor, *, reach: float = 
     some phases. None where no kick up to `reach` leads elsewhere.
     """
     impacts = _impacts(catalogue, attractor, steps)
-    after = -catalogue.parameters.restitution * impacts[:, 2]
-    # Away from the wall: a kick never sends the gear through it.
-    away = np.where(impacts[:, 0] == 0, -1.0, 1.0)
-    rays = np.arange(2 * len(impacts)) % len(impacts)
-    sign = np.repeat([1.0, -1.0], len(impacts))
-    origins = np.column_stack([impacts[:, 1], after, impacts[:, 0]])[rays]
-    directions = np.column_stack([np.zeros(len(rays)), sign * away[rays], np.zeros(len(rays))])
-    limits = np.where(sign > 0.0, reach, np.minimum(np.abs(after[rays]), reach))
-    found = _search(catalogue, attractor, origins, directions, limits, steps, cap, threads, check)
-    if found is None:
-        return None
-    wall, phase, velocity = impacts[rays[found.ray]]
-    return Kick(int(wall), float(phase), float(velocity), float(after[rays[found.ray]]), 0.0,
-                float(directions[found.ray, 1] * found.distance), *found[1:])
+    # Away from the wall first: a kick never sends the gear through it.
+    away = 2.0 * impacts[:, 0] - 1.0
+    return _search(catalogue, attractor, np.tile(impacts, (2, 1)), np.outer(
+        np.append(away, -away), (0.0, 1.0)), -catalogue.parameters.restitution, reach, steps, cap,
+        threads, check)
 
 
 def smallest_displacement(catalogue: Catalogue, attractor: Attractor, kick: Kick | None, *,
@@ -184,10 +164,9 @@ def smallest_displacement(catalogue: Catalogue, attractor: Attractor, kick: Kick
     Its size is the radius of the largest disc round an impact of the attractor in its basin. It is
     no larger than where a `kick` changes it, as that displaces the velocity before the impact.
     """
-    restitution = catalogue.parameters.restitution
-    same = None
     if attractor.kind is Kind.RESTING:
         return None
+    restitution, same = catalogue.parameters.restitution, None
     if kick and restitution:
         # A kick of the velocity after the impact is this displacement of that before it.
         same = dataclasses.replace(kick, change=-kick.change / restitution,
@@ -195,33 +174,35 @@ def smallest_displacement(catalogue: Catalogue, attractor: Attractor, kick: Kick
         reach = min(reach, same.size)
     impacts = _impacts(catalogue, attractor, DIRECTIONS * steps // 2)
     angles = np.arange(DIRECTIONS) * (TWO_PI / DIRECTIONS)
-    rays = np.repeat(np.arange(len(impacts)), DIRECTIONS)
-    origins = impacts[rays][:, [1, 2, 0]]
-    directions = np.tile(np.column_stack(
-        [np.cos(angles), np.sin(angles), np.zeros(DIRECTIONS)]), (len(impacts), 1))
-    # No further than to an impact without speed: beyond it is the other wall.
-    slowing = -directions[:, 1] * np.where(origins[:, 2] == 0.0, 1.0, -1.0)
-    limits = np.minimum(np.where(slowing > 1e-9, np.abs(origins[:, 1]) / np.maximum(
-        slowing, 1e-9), math.inf), reach)
-    found = _search(catalogue, attractor, origins, directions, limits, steps, cap, threads, check)
-    if found is None:
-        return same
-    wall, phase, velocity = impacts[rays[found.ray]]
-    change = found.distance * directions[found.ray]
-    return Kick(int(wall), float(phase), float(velocity), float(-restitution * velocity),
-                float(change[0]), float(change[1]), *found[1:])
+    found = _search(catalogue, attractor, np.repeat(impacts, DIRECTIONS, axis=0), np.tile(
+        np.column_stack([np.cos(angles), np.sin(angles)]), (len(impacts), 1)), 1.0, reach, steps,
+        cap, threads, check)
+    return found or same
 
 
-def _search(catalogue: Catalogue, attractor: Attractor, origins: FloatArray,
-            directions: FloatArray, limits: FloatArray, steps: int, cap: int,
-            threads: int | None, check: Check) -> Change | None:
-    # Points are phase, velocity and wall.
+def _search(catalogue: Catalogue, attractor: Attractor, impacts: FloatArray,
+            directions: FloatArray, scale: float, reach: float, steps: int, cap: int,
+            threads: int | None, check: Check) -> Kick | None:
+    """Search from impacts, of whose velocity `scale` times that before them is changed."""
     def label(points: FloatArray) -> IntArray:
         return catalogue.label(make_initial_conditions(
             catalogue.parameters, points[:, 0], -points[:, 2], points[:, 1]), cap,
             threads=threads, check=check)['label']
 
-    return smallest_change(label, attractor.label, origins, directions, limits, steps=steps)
+    # Points are phase, velocity and wall.
+    origins = impacts[:, [1, 2, 0]] * (1.0, scale, 1.0)
+    # No further than to a velocity of 0: beyond it is the other wall.
+    slowing = directions[:, 1] * (2.0 * impacts[:, 0] - 1.0) * math.copysign(1.0, scale)
+    limits = np.minimum(reach, np.where(slowing > 1e-9, np.abs(origins[:, 1]) / np.maximum(
+        slowing, 1e-9), math.inf))
+    found = smallest_change(label, attractor.label, origins, np.pad(directions, ((0, 0), (0, 1))),
+                            limits, steps=steps)
+    if not found:
+        return None
+    wall, phase, velocity = impacts[found.ray].tolist()
+    turned, change = (found.distance * directions[found.ray] + 0.0).tolist()
+    return Kick(int(wall), phase, velocity, -catalogue.parameters.restitution * velocity, turned,
+                change, *found[1:])
 
 
 def _impacts(catalogue: Catalogue, attractor: Attractor, steps: int) -> FloatArray:

@@ -14,15 +14,40 @@
 
 """Attractors as a table in plain text, from the arrays in which a dataset keeps them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
+
+from ..core.arrays import FloatArray, IntArray
+from ..core.flight.elementary import TWO_PI
 from ..core.words import counted, in_columns
 
 
 def named(long_name: str, units: str | None = '1') -> dict[str, str]:
     """Return the attributes of an array of a dataset."""
     return {'long_name': long_name} | ({} if units is None else {'units': units})
+
+
+def table(owner: str, **columns: tuple[Any, ...]) -> dict[str, Any]:
+    """Return arrays for `Store.write_table`: of each its values, words, unit, more dimensions."""
+    def laid(values: Any, words: str, units: str | None = '1', *others: str) -> tuple[Any, ...]:
+        return (owner, *others), np.asarray(values), named(words, units)
+
+    return {f'{owner}_{name}': laid(*column) for name, column in columns.items()}
+
+
+def impact_table(owner: str, parts: Sequence[tuple[IntArray, FloatArray]], number: str = '',
+                 **columns: tuple[Any, ...]) -> dict[str, Any]:
+    """Return the arrays of impacts: walls and points of the section, and the numbers of parts."""
+    walls = np.concatenate([np.zeros(0, np.int64), *(walls for walls, _ in parts)])
+    points = np.concatenate([np.zeros((0, 2)), *(points for _, points in parts)])
+    if number:
+        columns['number'] = np.repeat(np.arange(len(parts)), np.array(
+            [len(walls) for walls, _ in parts], np.int64)), number
+    return table(owner, wall=(walls, 'wall: 0 upper, 1 lower'), phase=(
+        np.mod(points[:, 0], TWO_PI), 'drive phase of the impact', 'rad'), velocity=(
+            points[:, 1], 'velocity before the impact'), **columns)
 
 
 # What a table needs of a dataset.

@@ -35,13 +35,13 @@ PICTURES: Final = {
     'crisis': {'': 'crisis.draw_law'},
     'exponents': {'': 'grids.draw_exponents'},
     'lifetimes': {'': 'grids.draw_lifetimes', 'survival': 'grids.draw_survival'},
-    'manifolds': {'': 'manifolds.draw_manifolds'},
+    'manifolds': {'': 'over_basins.draw_manifolds'},
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
-    'orbits': {'': 'orbits.draw_orbits'},
+    'orbits': {'': 'over_basins.draw_orbits'},
     'saddle': {'': 'saddle.draw_saddle'},
     'section': {'': 'section.draw_section'},
-    'stability': {'': 'stability.draw_stability'},
+    'stability': {'': 'over_basins.draw_stability'},
 }
 
 

@@ -47,8 +47,8 @@ ROW, BAR = 22, 110
 STEPS: Final = 64
 
 
-def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
-    """Draw which initial condition goes where."""
+def draw_basins(dataset: 'xarray.Dataset', looks: Looks, below: int = 0) -> Figure:
+    """Draw which initial condition goes where, with free room `below` [pixels]."""
     labels = _thinned(dataset['label'])
     colours, names = colours_and_names(dataset, looks)
     colours, names = ENDS | colours, {UNSETTLED: 'unsettled'} | names
@@ -56,7 +56,7 @@ def draw_basins(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
                for label, name in sorted(names.items(), key=lambda item: (item[0] < 0, item[1]))
                if np.any(labels == label)]
     _, figure = _plane(dataset, 'Basins of attraction', looks, painted(labels, colours),
-                       legend=patches)
+                       legend=patches, below=below)
     return figure
 
 
@@ -162,13 +162,13 @@ def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, A
 
 
 def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArray[Any], *,
-           bar: bool = False, legend: Sequence[Patch] = (), **options: Any
+           bar: bool = False, legend: Sequence[Patch] = (), below: int = 0, **options: Any
            ) -> tuple[AxesImage, Figure]:
     # A cell is a whole number of pixels.
     a = dataset.attrs
     height, width = (style.scaled(cells) for cells in grid.shape[:2])
     rows = min(-(-len(legend) // 2), ROWS) if len(legend) > 1 else len(legend)
-    below = style.BOTTOM + ROW * rows
+    below += style.BOTTOM + ROW * rows
     figure = new_figure(style.LEFT + width + (BAR if bar else style.RIGHT),
                         below + height + style.TOP - 20, looks)
     style.write_title(figure, style.LEFT, _title(dataset, title, looks))

@@ -19,7 +19,6 @@ import math
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from .continuation import BINS
 from .diagram import Diagram
@@ -27,7 +26,7 @@ from .orbit_diagram import compute
 from .work import Arrays, Work
 from ..attractors.catalogue import Catalogue, Kind
 from ..attractors.columns import Window
-from ..attractors.listing import named
+from ..attractors.listing import named, table
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.flight.lanes import make_initial_conditions
@@ -41,10 +40,9 @@ QUANTITIES: Final = ('share', 'kick')
 def erosion_of(catalogue: Catalogue, plane: Plane, window: tuple[float, float], columns: int,
                trajectories: int, seed: int, work: Work) -> dict[str, Any]:
     """Follow the attractors of a catalogue in alpha both ways; return tables of a dataset."""
-    alpha = catalogue.parameters.alpha
-    count = len(catalogue.attractors)
-    alphas, values = [np.array([alpha])], [np.full((count, 2, 1), math.nan)]
+    alpha, count = catalogue.parameters.alpha, len(catalogue.attractors)
     left = np.full((count, len(QUANTITIES), len(LEVELS), 2, 2), math.nan)
+    lines = []
     for side, end in enumerate(window):
         if end == alpha:
             continue
@@ -55,39 +53,39 @@ def erosion_of(catalogue: Catalogue, plane: Plane, window: tuple[float, float], 
             plane, trajectories, seed, Window(bins=BINS, kicks=True), ('random',))
         store = compute(diagram, Work(threads=work.threads, progress=work.progress),
                         f'erosion in {ends[0]:g} to {ends[1]:g}')
-        numbers, share, kick, states = (store.read_all(name)[0] for name in (
+        # Away from alpha.
+        numbers, share, kick, states = (store.read_all(name)[0][::1 if side else -1] for name in (
             'attractor', 'share', 'kick', 'member_state'))
-        order = np.arange(len(numbers))[::1 if end > alpha else -1]
+        alphas = diagram.values[::1 if side else -1]
         # Which is which at alpha: where the state of each leads.
-        some = np.flatnonzero(numbers[order[0]] >= 0)
+        some = np.flatnonzero(numbers[0] >= 0)
         labels = catalogue.label(make_initial_conditions(
-            catalogue.parameters, *states[order[0], some].T), threads=work.threads)['label']
-        here = np.full((count, 2, len(order)), math.nan)
+            catalogue.parameters, *states[0, some].T), threads=work.threads)['label']
+        values = np.full((count, len(QUANTITIES), len(alphas)), math.nan)
         for k, each in enumerate(catalogue.attractors):
             if each.kind is Kind.UNSETTLED or each.label not in labels:
                 continue
-            mine = numbers == numbers[order[0], some[np.argmax(labels == each.label)]]
-            here[k, 0] = np.where(mine, share, 0.0).sum(axis=1)[order]
-            here[k, 1] = np.where(mine, kick, -math.inf).max(axis=1)[order]
-            here[k, 1][~mine.any(axis=1)[order]] = 0.0
+            mine = numbers == numbers[0, some[np.argmax(labels == each.label)]]
+            values[k] = np.sum(share, axis=1, where=mine), np.where(mine.any(axis=1), np.max(
+                kick, axis=1, where=mine, initial=-math.inf), 0.0)
             for q, noise in enumerate((trajectories, 0)):
                 for n, level in enumerate(LEVELS):
-                    left[k, q, n, side] = where_left(
-                        diagram.values[order], here[k, q], level, noise)
-        values[0][..., 0] = here[..., 0]
-        alphas.insert(len(alphas) * side, diagram.values[order][1:][::1 if side else -1])
-        values.insert(len(values) * side, here[..., 1:][..., ::1 if side else -1])
-    share, kick = np.concatenate(values, axis=2).transpose(1, 0, 2)
-    over = 'attractor', 'quantity', 'level', 'side'
-    return {
-        'erosion_alpha': (('erosion',), np.concatenate(alphas), named('amplitude of the drive')),
-        'erosion_share': (('attractor', 'erosion'), share, named(
-            'share of the random initial conditions')),
-        'erosion_kick': (('attractor', 'erosion'), kick, named(
-            'smallest kick that changes the attractor; 0 where it is not there, nan for none')),
-        'attractor_left': (over, left[..., 0], named(
-            'amplitude at which 90 and 50 % of share and kick are left, below and above alpha')),
-        'attractor_left_error': (over, left[..., 1], named('how well it is known'))}
+                    left[k, q, n, side] = where_left(alphas, values[k, q], level, noise)
+        lines.append(np.vstack([alphas, values.reshape(-1, len(alphas))]))
+    line = np.concatenate(lines[::-1], axis=1)
+    alphas, first = np.unique(line[0], return_index=True)
+    share, kick = line[1:, first].reshape(count, len(QUANTITIES), -1).transpose(1, 0, 2)
+    over = '1', 'quantity', 'level', 'side'
+    return table('attractor', left=(
+        left[..., 0], 'amplitude at which 90 and 50 % of share and kick are left, below and above '
+        'alpha', *over), left_error=(left[..., 1], 'how well it is known', *over)) | {
+            f'erosion_{name}': (dimensions, values, named(words))
+            for name, dimensions, values, words in (
+                ('alpha', ('erosion',), alphas, 'amplitude of the drive'),
+                ('share', ('attractor', 'erosion'), share, 'share of the random initial '
+                 'conditions'),
+                ('kick', ('attractor', 'erosion'), kick, 'smallest kick that changes the '
+                 'attractor; 0 where it is not there, nan for none'))}
 
 
 def where_left(alphas: FloatArray, values: FloatArray, level: float, trajectories: int
@@ -106,15 +104,13 @@ def where_left(alphas: FloatArray, values: FloatArray, level: float, trajectorie
             max(error, 0.25 * abs(step)))
 
 
-def describe_erosion(dataset: Arrays, some: npt.NDArray[np.int64], names: list[str]) -> str:
+def describe_erosion(dataset: Arrays, names: dict[int, str]) -> str:
     """List the amplitudes at which parts of the shares and the kicks are left."""
     left, errors = (dataset[f'attractor_{name}'].values for name in ('left', 'left_error'))
-    rows = []
-    for name, k in zip(names, some, strict=True):
-        for q, quantity in enumerate(QUANTITIES):
-            rows.append([name, quantity, *(
-                f'{left[k, q, n, side]:.5f} +- {errors[k, q, n, side]:.5f}' if math.isfinite(
-                    left[k, q, n, side]) else 'not in the window'
-                for n in range(len(LEVELS)) for side in range(2))])
-    return in_columns(['erosion', 'of', *(f' {level:.0%} left {side} alpha' for level in LEVELS
-                                          for side in ('below', 'above'))], rows)
+    return in_columns(
+        ['erosion', 'of', *(f' {level:.0%} left {side} alpha' for level in LEVELS
+                            for side in ('below', 'above'))],
+        [[name, quantity, *(
+            f'{place:.5f} +- {error:.5f}' if math.isfinite(place) else 'not in the window'
+            for place, error in zip(left[k, q].flat, errors[k, q].flat, strict=True))]
+         for k, name in names.items() for q, quantity in enumerate(QUANTITIES)])

@@ -14,9 +14,12 @@
 
 """The stable and unstable manifolds of a saddle, over the basins that they bound."""
 
+from collections.abc import Sequence
+import functools
+import itertools
 import math
 import re
-from typing import Any, Final, Unpack
+from typing import Final, Unpack
 
 import numpy as np
 
@@ -25,9 +28,8 @@ from .tangency import first_touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.engine import run_tiles
-from ..attractors.listing import named
+from ..attractors.listing import impact_table
 from ..attractors.plane import Plane
-from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.inverse import require_inverse
@@ -36,9 +38,11 @@ from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters, Wall
 from ..core.orbits.branches import follow
 from ..core.orbits.cells import find_cells, first_crossing
-from ..core.orbits.curves import Curve, grow, impact_map, Segment, segments_of
+from ..core.orbits.curves import Curve, grow, impact_map, joined, Segment, segments_of
+from ..core.orbits.impact_map import map_points
 from ..core.orbits.manifolds import Saddle, saddle_of
 from ..core.orbits.orbit import close_orbit, Orbit
+from ..core.orbits.section import distances
 from ..core.words import counted
 from ..store.store import Store
 
@@ -55,7 +59,7 @@ BEYOND: Final = 0.3
 LABELLED: Final = 200
 # Curves are followed to this many times the largest speed of the plane.
 FASTER: Final = 3.0
-KEY: Final = re.compile(r'(?:orbit-)?(\d+)-(\d+)-([UL])([\d.]+)([-+][\d.]+)')
+KEY: Final = re.compile(r'(?:orbit-)?(\d+)-\d+-(?:U(?=.*[+])|L)([\d.]+)([-+][\d.]+)')
 
 
 @Study
@@ -109,8 +113,7 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
         saddle=saddle.orbit.name, length=length, precision=precision,
         touch=list(touch or ()))
     if not store.has_table('curve_wall'):
-        curves = _grow_all(saddle, plane, length, precision, work)
-        _write(store, saddle, catalogue, curves, work.threads)
+        _write(store, saddle, catalogue, _grow_all(saddle, plane, length, precision, work), work)
     if touch is not None and 'touch_alpha' not in store.attrs:
         with work.report('first touch', 70, uneven=True) as progress:
             found = first_touch(saddle.orbit, *touch, searched=progress.add)
@@ -129,46 +132,45 @@ def find_saddle(parameters: Parameters, key: str | None = None,
         if not read:
             raise ValueError(f'--orbit {key} is no key of an orbit, such as '
                              'orbit-2-1-U5.1744+0.8226; attractors lists those of stable ones')
-        wall, period = int(read[3] == 'L'), int(read[1])
-        found = _close(parameters, wall, float(read[4]), float(read[5]), period, NAMED)
+        found = _close(parameters, (float(read[2]), float(read[3])), int(read[1]), NAMED)
         if found is None:
             raise ValueError(f'--orbit {key}: there is no such orbit at alpha = '
                              f'{parameters.alpha:g}; its key has four digits of its first point')
         return partner_of(found) if found.is_stable else found
     assert point is not None
-    wall = int(point[0])
-    if point[0] not in tuple(Wall) or math.copysign(1.0, point[2]) != 1.0 - 2.0 * wall:
-        raise ValueError(f'--point {point[0]:g} {point[1]:g} {point[2]:g}: the wall is 0 (upper) '
+    wall, *place = point
+    if wall not in tuple(Wall) or math.copysign(1.0, point[2]) != 1.0 - 2.0 * wall:
+        raise ValueError(f'--point {wall:g} {point[1]:g} {point[2]:g}: the wall is 0 (upper) '
                          'with a positive velocity or 1 (lower) with a negative one')
     orbits = [each for q in ([period] if period else range(1, LONGEST + 1))
-              if (each := _close(parameters, wall, point[1], point[2], q, REACH))
+              if (each := _close(parameters, place, q, REACH))
               and not each.is_stable and each.multipliers[0].imag == 0.0]
     if not orbits:
         raise ValueError(f'no saddle is near the point {point[1]:g} {point[2]:g}, of '
                          f'{counted(period or LONGEST, "impact")}{"" if period else " at most"}; '
                          'give a nearer point or --period')
-    return min(orbits, key=lambda each: float(np.min(np.hypot(
-        *(each.points[each.walls == wall] - point[1:]).T))))
+    return min(orbits, key=functools.partial(_distance, point=place))
 
 
-def _close(parameters: Parameters, wall: int, phase: float, velocity: float, period: int,
-           reach: float) -> Orbit | None:
+def _distance(orbit: Orbit, point: Sequence[float]) -> float:
+    return float(np.min(distances(orbit.velocities, orbit.phases, point[1], point[0])))
+
+
+def _close(parameters: Parameters, point: Sequence[float], period: int, reach: float
+           ) -> Orbit | None:
     # The orbit of that many impacts through a point; its other points are found on the way.
-    map_on = impact_map(parameters.model)
-    walls, points = np.array([wall]), np.array([[phase, velocity]])
-    passed = []
-    for _ in range(period):
-        passed.append((int(walls[0]), *points[0].tolist()))
-        walls, points = map_on(walls, points, 1)
-    rows = np.array(passed)
-    if NO_WALL in rows[:, 0]:
-        return None
+    passed = [np.array([point])]
+    while len(passed) < period:
+        image, _, walls, _ = map_points(passed[-1], parameters.model)
+        if walls[0] == NO_WALL:
+            return None
+        passed.append(image)
+    points = np.concatenate(passed)
     # The later points of a saddle are off by more.
-    found = close_orbit(rows[:, 0].astype(np.int64), rows[:, 1:], parameters, REACH)
-    if found is None or found.impacts != period:
+    found = close_orbit(np.signbit(points[:, 1]).astype(np.int64), points, parameters, REACH)
+    if found is None or found.impacts != period or _distance(found, point) > reach:
         return None
-    near = (found.walls == wall) & (np.hypot(*(found.points - (phase, velocity)).T) <= reach)
-    return found.canonical() if near.any() else None
+    return found.canonical()
 
 
 def partner_of(orbit: Orbit) -> Orbit:
@@ -190,7 +192,7 @@ def _grow_all(saddle: Saddle, plane: Plane, length: float, precision: float, wor
     model = saddle.orbit.parameters.model
     fastest = FASTER * max(map(abs, plane.velocity))
     segments = segments_of(saddle)
-    curves: dict[str, Curve] = {}
+    curves: dict[int, Curve] = {}
 
     def fill(number: int) -> Curve:
         _, segment, backwards = segments[number]
@@ -199,39 +201,34 @@ def _grow_all(saddle: Saddle, plane: Plane, length: float, precision: float, wor
 
     with work.report('curves', len(segments)) as progress:
         def finished(number: int, curve: Curve) -> None:
-            curves[segments[number][0]] = curve
+            curves[number] = curve
             progress.add(1, len(curve.walls))
 
         # They are too quick for a cluster.
         run_tiles(fill, range(len(segments)), finished, threads=work.threads)
-    return {name: curves[name] for name, _, _ in segments}
+    return {name: curves[number] for number, (name, _, _) in enumerate(segments)}
 
 
 def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str, Curve],
-           threads: int | None) -> None:
-    orbit = saddle.orbit
-    lines, crossings, cells = [], [], []
+           work: Work) -> None:
+    orbit, lines, cells = saddle.orbit, [], []
     for name, segment, backwards in segments_of(saddle):
         curve = curves[name]
-        leads = '' if backwards else f'; {leads_to(segment, catalogue, threads)}'
+        leads = '' if backwards else f'; {leads_to(segment, catalogue, work.threads)}'
         lines.append(
             f'{name}: length {curve.length:.1f}, {counted(len(curve.walls), "point")} in '
             f'{counted(int(curve.begins.sum()), "piece")}, after at most '
             f'{counted(int(curve.impacts.max()), "impact")}{leads}')
-    for name, curve in curves.items():
-        for other, stable in curves.items():
-            if not (name.startswith('unstable') and other.startswith('stable')):
-                continue
-            i, _, part = first_crossing(curve.walls, curve.points, curve.begins, stable.walls,
-                                        stable.points, stable.begins)
-            if i < 0:
-                continue
-            place = curve.points[i - 1] + part * curve.steps[i - 1]
-            crossings.append((int(curve.walls[i]), *place.tolist()))
-            lines.append(f'{name} crosses {other} at phase {place[0] % math.tau:.4f}, velocity '
-                         f'{place[1]:.4f}')
+    crossings = []
+    for one, other in itertools.product(curves, curves):
+        if one.startswith('unstable') and other.startswith('stable') and (
+                met := first_crossing(curves[one], curves[other])):
+            i, _, (phase, velocity) = met
+            crossings.append((curves[one].walls[i:i + 1], met[2][None]))
+            lines.append(f'{one} crosses {other} at phase {phase % math.tau:.4f}, velocity '
+                         f'{velocity:.4f}')
             if saddle.turns == 1:
-                cells += find_cells(orbit.points, curve, stable,
+                cells += find_cells(orbit.points, curves[one], curves[other],
                                     impact_map(orbit.parameters.model))
     if not crossings:
         lines.append('the manifolds do not cross each other at these lengths')
@@ -239,38 +236,17 @@ def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str,
     store.set_attributes({
         'orbit': orbit.key, 'curves': '\n'.join(lines), 'sides': ', '.join(curves),
         'multipliers': orbit.multipliers.real.tolist()})
-    store.write_table({
-        f'{kind}_{name}': ((kind,), values, named(words, units))
-        for kind, name, values, words, units in (
-            *_columns('curve', [(number, curve.walls, curve.points)
-                                for number, curve in enumerate(curves.values())],
-                      'side: number in `sides`'),
-            ('curve', 'impacts', _all(curves, 'impacts'), 'impacts from the saddle', '1'),
-            ('curve', 'begins', _all(curves, 'begins').astype(np.int8), '1 where a piece begins',
-             '1'),
-            ('curve', 'grazes', _all(curves, 'grazes').astype(np.int8),
-             '1 where a piece begins or ends as its flight grazes a wall', '1'),
-            *_columns('saddle', [(0, orbit.walls, orbit.points)], ''),
-            *_columns('crossing', [(0, np.array([wall]), np.array([place]))
-                                   for wall, *place in crossings], ''),
-            *_columns('cell', [(number, np.full(len(cell.outline), cell.wall), cell.outline)
-                               for number, cell in enumerate(cells)], 'number of the cell'))})
-
-
-def _columns(kind: str, parts: list[tuple[int, IntArray, FloatArray]], owner: str
-             ) -> list[tuple[str, str, Any, str, str]]:
-    # Rows of points on the section.
-    owners = np.repeat([number for number, _, _ in parts], [len(walls) for _, walls, _ in parts])
-    walls = np.concatenate([np.zeros(0, np.int64), *(walls for _, walls, _ in parts)])
-    points = np.concatenate([np.zeros((0, 2)), *(points for _, _, points in parts)])
-    columns = [(kind, 'wall', walls, 'wall: 0 upper, 1 lower', '1'),
-               (kind, 'phase', np.mod(points[:, 0], math.tau), 'drive phase of the impact', 'rad'),
-               (kind, 'velocity', points[:, 1], 'velocity before the impact', '1')]
-    return columns + ([(kind, 'number', owners.astype(np.int64), owner, '1')] if owner else [])
-
-
-def _all(curves: dict[str, Curve], name: str) -> Any:
-    return np.concatenate([getattr(curve, name) for curve in curves.values()])
+    whole = joined(list(curves.values()))
+    store.write_table(impact_table(
+        'curve', [(curve.walls, curve.points) for curve in curves.values()],
+        'side: number in `sides`', impacts=(whole.impacts, 'impacts from the saddle'),
+        begins=(whole.begins.astype(np.int8), '1 where a piece begins'),
+        grazes=(whole.grazes.astype(np.int8),
+                '1 where a piece begins or ends as its flight grazes a wall')) | impact_table(
+        'saddle', [(orbit.walls, orbit.points)]) | impact_table(
+        'crossing', crossings) | impact_table('cell', [
+            (np.full(len(cell.outline), cell.wall), cell.outline) for cell in cells],
+            'number of the cell'))
 
 
 def leads_to(segment: Segment, catalogue: Catalogue, threads: int | None = None) -> str:

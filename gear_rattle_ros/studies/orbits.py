@@ -12,26 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """All periodic orbits up to a number of impacts, stable or not, over the basins."""
 
+import itertools
 import json
 import math
-from typing import Any, Final, Unpack
+from typing import Final, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
 from . import basins
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.listing import named
+from ..attractors.listing import impact_table, table
 from ..attractors.orbits import find_orbits, MOST
 from ..attractors.plane import Plane
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
 from ..core.model import Parameters
 from ..core.orbits.cycles import expand
 from ..core.orbits.listing import OrbitList
-from ..core.orbits.orbit import Orbit, orbit_at
+from ..core.orbits.orbit import orbit_at
 from ..core.words import counted, in_columns
 from ..store.store import Store
 
@@ -92,54 +91,32 @@ def orbits(parameters: Parameters, plane: Plane | None = None, *, impacts: int =
 
 
 def _write(store: Store, found: OrbitList) -> None:
-    rows = [(number, orbit) for number, orbit in enumerate(found.orbits)]
     multipliers = np.array([orbit.multipliers for orbit in found.orbits]).reshape(-1, 2)
-    owners = np.repeat([number for number, _ in rows], [orbit.impacts for _, orbit in rows])
-    points = np.concatenate([np.zeros((0, 2)), *(orbit.points for orbit in found.orbits)])
-    none = np.zeros(0)
-    store.write_table({name: (dimensions, values, named(words, units))
-                       for name, dimensions, values, words, units in (
-        *((f'cycle_{name}', ('cycle',), np.array([getattr(orbit, name) for orbit in found.orbits]),
-           words, '1') for name, words in (
+    store.write_table(table(
+        'cycle', seeds=(np.array(found.seeds, np.int64), 'seeds that led to it'),
+        multiplier_real=(multipliers.real, 'multipliers of a period, real part', '1', 'pair'),
+        multiplier_imaginary=(multipliers.imag, 'multipliers of a period, imaginary part', '1',
+                              'pair'),
+        **{name: ([getattr(orbit, name) for orbit in found.orbits], words) for name, words in (
             ('key', 'name of the orbit'), ('impacts', 'impacts of a period'),
             ('drive_periods', 'drive periods of a period'),
-            ('is_stable', 'whether it attracts its neighbourhood'))),
-        ('cycle_seeds', ('cycle',), np.array(found.seeds, np.int64), 'seeds that led to it', '1'),
-        ('cycle_multiplier_real', ('cycle', 'pair'), multipliers.real,
-         'multipliers of a period, real part', '1'),
-        ('cycle_multiplier_imaginary', ('cycle', 'pair'), multipliers.imag,
-         'multipliers of a period, imaginary part', '1'),
-        ('cycle_point_cycle', ('cycle_point',), owners.astype(np.int64), 'orbit of the impact',
-         '1'),
-        ('cycle_point_wall', ('cycle_point',), np.concatenate(
-            [none, *(orbit.walls for orbit in found.orbits)]).astype(np.int64),
-         'wall: 0 upper, 1 lower', '1'),
-        ('cycle_point_flight_time', ('cycle_point',), np.concatenate(
-            [none, *(orbit.flight_times for orbit in found.orbits)]),
-         'time since the impact before', '1'),
-        ('cycle_point_velocity', ('cycle_point',), points[:, 1], 'velocity before the impact',
-         '1'),
-        ('cycle_point_phase', ('cycle_point',), points[:, 0], 'drive phase of the impact',
-         'rad'))})
-    order, rates = escape_rates(found)
+            ('is_stable', 'whether it attracts its neighbourhood'))}) | impact_table(
+        'cycle_point', [(orbit.walls, orbit.points) for orbit in found.orbits],
+        'orbit of the impact'))
     store.set_attributes({'rounds': json.dumps(found.rounds), 'statement': found.statement(),
-                          'unseen': found.unseen, 'escape_order': order, 'escape_rates': rates})
+                          'escape_rates': escape_rates(found)})
 
 
-def escape_rates(found: OrbitList) -> tuple[int, list[float]]:
-    """Return the order of the cycle expansion for which the orbits suffice, and its rates."""
-    order = 0
-    while True:
-        mine = [orbit for orbit in found.unstable if orbit.drive_periods == order + 1]
-        weights = np.array([_weight(orbit) for orbit in mine])
+def escape_rates(found: OrbitList) -> list[float]:
+    """Return the rates of the cycle expansion, up to the order for which the orbits suffice."""
+    for order in itertools.count():
+        mine = [orbit for orbit in found.orbits
+                if orbit.drive_periods == order + 1 and not orbit.is_stable]
+        weights = np.array([1.0 / abs(np.prod(1.0 - orbit.multipliers)) for orbit in mine])
         longest = np.array([orbit.impacts == found.longest for orbit in mine], np.bool_)
         if not mine or weights[longest].sum() > MISSING * weights.sum():
-            return order, list(expand(found.orbits, order).rates) if order else []
-        order += 1
-
-
-def _weight(orbit: Orbit) -> float:
-    return 1.0 / float(np.abs(np.prod(1.0 - orbit.multipliers)))
+            break
+    return expand(found.orbits, order) if order else []
 
 
 def read_orbits(dataset: Arrays) -> OrbitList:
@@ -158,8 +135,8 @@ def read_orbits(dataset: Arrays) -> OrbitList:
 
     """
     parameters = Parameters.of(dataset.attrs)
-    names = ('cycle', 'wall', 'phase', 'velocity')
-    owner, wall, phase, velocity = (dataset[f'cycle_point_{name}'].values for name in names)
+    owner, wall, phase, velocity = (dataset[f'cycle_point_{name}'].values for name in (
+        'number', 'wall', 'phase', 'velocity'))
     points = np.column_stack([phase, velocity])
     found = [orbit_at(wall[owner == number], points[owner == number], parameters)
              for number in range(len(dataset['cycle_key'].values))]
@@ -172,24 +149,23 @@ def read_orbits(dataset: Arrays) -> OrbitList:
 def describe(dataset: Arrays) -> str:
     """Put the orbits in words: how many there are, the least unstable, the rate of escape."""
     a = dataset.attrs
-    columns: dict[str, npt.NDArray[Any]] = {
-        name: dataset[f'cycle_{name}'].values for name in (
-            'key', 'impacts', 'drive_periods', 'is_stable', 'seeds', 'multiplier_real',
-            'multiplier_imaginary')}
-    numbers, counts = np.unique(columns['impacts'], return_counts=True)
-    stable = int(np.sum(columns['is_stable']))
-    size = np.abs(columns['multiplier_real'][:, :1] + 1j * columns['multiplier_imaginary'][:, :1])
-    order = np.argsort(np.log(size[:, 0]) / columns['impacts'], kind='stable')[:SHOWN]
-    rows = [[str(columns['key'][k]), str(columns['impacts'][k]), str(columns['drive_periods'][k]),
-             *(_complex(columns['multiplier_real'][k, n], columns['multiplier_imaginary'][k, n])
-               for n in (0, 1)), str(columns['seeds'][k])] for k in order]
-    lines = [
-        in_columns(['key', ' impacts', ' drive periods', ' multipliers', ' ', ' seeds'], rows)]
+    one = {name: dataset[f'cycle_{name}'].values for name in (
+        'key', 'impacts', 'drive_periods', 'is_stable', 'seeds', 'multiplier_real',
+        'multiplier_imaginary')}
+    numbers, counts = np.unique(one['impacts'], return_counts=True)
+    size = np.hypot(one['multiplier_real'], one['multiplier_imaginary'])[:, 0]
+    order = np.argsort(np.log(size) / one['impacts'], kind='stable')[:SHOWN]
+    lines = [in_columns(
+        ['key', ' impacts', ' drive periods', ' multipliers', ' ', ' seeds'],
+        [[str(one['key'][k]), str(one['impacts'][k]), str(one['drive_periods'][k]),
+          *(f'{real:.6g}' + (f'{imaginary:+.6g}i' if imaginary else '') for real, imaginary in zip(
+              one['multiplier_real'][k], one['multiplier_imaginary'][k], strict=True)),
+          str(one['seeds'][k])] for k in order])]
     if len(size) > SHOWN:
         lines.append(f'and {len(size) - SHOWN:,} more that are less stable per impact')
     lines += [
-        f'{counted(len(size), "orbit")} of {counted(a["impacts"], "impact")} at most, {stable} of '
-        f'them stable; by impacts: '
+        f'{counted(len(size), "orbit")} of {counted(a["impacts"], "impact")} at most, '
+        f'{np.sum(one["is_stable"])} of them stable; by impacts: '
         + ', '.join(f'{n}: {count}' for n, count in zip(numbers, counts, strict=True)),
         a['statement']]
     rates = a['escape_rates']
@@ -201,8 +177,3 @@ def describe(dataset: Arrays) -> str:
             + (f'so {rates[-1]:.4f} +- {error:.4f}' if error < CONVERGED else
                'it has not converged: longer orbits are needed'))
     return '\n'.join([*lines, basins.describe(dataset)])
-
-
-def _complex(real: float, imaginary: float) -> str:
-    return f'{real:.6g}' + (f'{imaginary:+.6g}i' if imaginary else '')
-

@@ -12,24 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """How far attractors are from being left: what to know before choosing an operating point."""
 
+from collections.abc import Callable
 import dataclasses
+import functools
 import math
 from typing import Any, Final, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from . import attractors
+from . import attractors, basins
 from .erosion import describe_erosion, erosion_of
-from .grid import compute_grid, grid_layout
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS, others_where
 from ..attractors.finding import find_attractors
 from ..attractors.kicks import Kick, REACH, smallest_displacement, smallest_kick
-from ..attractors.listing import named
+from ..attractors.listing import table
 from ..attractors.plane import Plane, Section
 from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import BASINS_CAP, HOLD, SEED, TOLERANCE
@@ -83,18 +83,12 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         Angular frequency of the drive [rad/s]: times are given in seconds, too.
 
     """
-    attractors.require_tolerance(tolerance)
     require_finite('reach', reach, 1e-9, 100.0)
     if omega is not None:
         require_finite('omega', omega, 1e-9, 1e9)
-    work, plane = Work(**options), plane or Plane(phases=200, velocities=200)
-    target = None if to is None else dataclasses.replace(
-        parameters, alpha=require_finite('to', to, 0.0, ALPHA_MAXIMUM))
-    asked: dict[str, Any] = {'size': [plane.phases, plane.velocities], 'cap': cap,
-                             'tolerance': tolerance, 'initial_conditions': initial_conditions,
-                             'seed': seed, 'hold': hold, 'reach': reach}
+    asked: dict[str, Any] = {'reach': reach}
     if to is not None:
-        asked['to'] = to
+        asked['to'] = require_finite('to', to, 0.0, ALPHA_MAXIMUM)
     if erosion is not None:
         attractors.require_window(erosion)
         if not erosion[0] <= parameters.alpha <= erosion[1]:
@@ -102,17 +96,16 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
                              f'{erosion[0]:g} to {erosion[1]:g}; widen it')
         asked |= {'erosion_window': list(erosion), 'columns': columns,
                   'trajectories': trajectories}
-    store = work.begin(grid_layout(plane, attractors.identity_of(
-        NAME, parameters, plane, **asked), TITLE, cap, tile))
-    initial = plane.draw(parameters, initial_conditions, seed)
-    catalogue = find_attractors(parameters, initial, tolerance=tolerance, hold=hold,
-                                threads=work.threads)
-    catalogue = compute_grid(store, Section(**vars(plane)), catalogue, cap, work, NAME)
-    attractors.write_attractors(store, catalogue)
+    work, plane = Work(**options), Section(**vars(plane or Plane(phases=200, velocities=200)))
+    store, catalogue = basins.compute_basins(
+        parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
+        initial_conditions=initial_conditions, tile=tile, name=NAME, title=TITLE, **asked)
     if not store.has_table('attractor_disc_radius'):
-        store.write_table(_settling(catalogue, initial, work) | _kicks(
-            catalogue, reach, cap, work) | _discs(store, catalogue, plane))
-    if target and not store.has_table('attractor_tipped'):
+        store.write_table(_settling(
+            catalogue, plane.draw(parameters, initial_conditions, seed), work) | _kicks(
+            catalogue, reach, cap, work) | _discs(store.read_all('label'), catalogue, plane))
+    if to is not None and not store.has_table('attractor_tipped'):
+        target = dataclasses.replace(parameters, alpha=to)
         store.write_table(_tipped(catalogue, find_attractors(
             target, plane.draw(target, initial_conditions, seed), tolerance=tolerance, hold=hold,
             threads=work.threads), work))
@@ -122,25 +115,19 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     return store
 
 
-def _table(name: str, values: Any, words: str, units: str | None = '1', *others: str) -> Any:
-    return {f'attractor_{name}': (('attractor', *others), np.array(values),
-                                  named(words, units))}
-
-
 def _settling(catalogue: Catalogue, initial: RecordArray, work: Work) -> dict[str, Any]:
     """Find how soon the random initial conditions settle: mean, median, largest."""
     results = catalogue.label(initial, threads=work.threads)
-    periods = settling_times(initial, results['lifetime'])
-    rows = []
-    for each in catalogue.attractors:
-        mine = (results['label'] == each.label) & (each.kind is not Kind.UNSETTLED)
-        rows.append([[np.mean(times[mine]), np.median(times[mine]), np.max(times[mine])]
-                     if mine.any() else [math.nan] * 3
-                     for times in (results['lifetime'], periods)])
-    lifetimes = np.array(rows).reshape(-1, 2, 3)
+    times = np.stack([results['lifetime'], settling_times(initial, results['lifetime'])])
+    lifetimes = np.full((2, len(catalogue.attractors), 3), math.nan)
+    for k, each in enumerate(catalogue.attractors):
+        mine = times[:, results['label'] == each.label]
+        if mine.size and each.kind is not Kind.UNSETTLED:
+            lifetimes[:, k] = np.stack([f(mine, axis=1) for f in (np.mean, np.median, np.max)], 1)
     words = 'until a trajectory is within the tolerance of the attractor: mean, median, largest'
-    return _table('settling_impacts', lifetimes[:, 0], f'impacts {words}', '1', 'moment') | _table(
-        'settling_periods', lifetimes[:, 1], f'drive periods {words}', '1', 'moment')
+    return table('attractor', **{f'settling_{unit.split()[-1]}': (
+        values, f'{unit} {words}', '1', 'moment')
+        for unit, values in zip(('impacts', 'drive periods'), lifetimes, strict=True)})
 
 
 def settling_times(initial: RecordArray, lifetimes: IntArray) -> FloatArray:
@@ -159,7 +146,6 @@ def settling_times(initial: RecordArray, lifetimes: IntArray) -> FloatArray:
 
 def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str, Any]:
     """Find the smallest kick and displacement of each attractor."""
-    tables: dict[str, Any] = {}
     found: list[tuple[Kick | None, Kick | None]] = []
     with work.report(f'{NAME}, kicks', len(catalogue.attractors)) as progress:
         for each in catalogue.attractors:
@@ -167,25 +153,21 @@ def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str
             found.append((kick, smallest_displacement(
                 catalogue, each, kick, reach=reach, cap=cap, threads=work.threads)))
             progress.add(1)
-    for name, kicks in zip(('kick', 'displacement'), zip(*found, strict=True), strict=True):
-        what = f'smallest {name} of an impact that changes the attractor'
-        for field in dataclasses.fields(Kick):
-            tables |= _table(f'{name}_{field.name}', [
-                getattr(kick, field.name) if kick else UNSETTLED if field.type is int else math.nan
-                for kick in kicks], f'{what}: {field.name.replace("_", " ")}',
-                'rad' if 'phase' in field.name else '1')
-    return tables
+    return table('attractor', **{f'{name}_{field.name}': (
+        [getattr(kick, field.name) if kick else UNSETTLED if field.type is int else math.nan
+         for kick in kicks],
+        f'smallest {name} of an impact that changes the attractor: '
+        f'{field.name.replace("_", " ")}', 'rad' if 'phase' in field.name else '1')
+        for name, kicks in zip(('kick', 'displacement'), zip(*found, strict=True), strict=True)
+        for field in dataclasses.fields(Kick)})
 
 
-def _discs(store: Store, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
-    labels = store.read_all('label')
-    discs = [largest_disc(labels == each.label, plane) for each in catalogue.attractors]
-    tables: dict[str, Any] = {}
-    for name, values in zip(('radius', 'phase', 'velocity'), zip(*discs, strict=True),
-                            strict=True):
-        tables |= _table(f'disc_{name}', values, f'largest disc in the basin on the section: '
-                         f'{name}', 'rad' if name == 'phase' else '1')
-    return tables
+def _discs(labels: IntArray, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
+    discs = np.array([largest_disc(labels == each.label, plane) for each in catalogue.attractors])
+    return table('attractor', **{f'disc_{name}': (
+        discs[:, k], f'largest disc in the basin on the section: {name}',
+        'rad' if name == 'phase' else '1') for k, name in enumerate((
+            'radius', 'phase', 'velocity'))})
 
 
 def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, float, float]:
@@ -227,12 +209,12 @@ def _tipped(catalogue: Catalogue, target: Catalogue, work: Work) -> dict[str, An
         label in found for found in labels))]
     shares = [[np.mean(found == one.label) if len(found) else math.nan for one in reached]
               for found in labels]
-    return _table('tipped', shares, 'share of the moments from which the trajectory settles there '
-                  'when alpha jumps', '1', 'target') | {
-        f'target_{name}': (('target',), np.array([getattr(one, name) for one in reached]), named(
-            words, None)) for name, words in (
-                ('key', 'attractor at the other amplitude'),
-                ('letter', 'its letter in the paper, empty for none'))}
+    return table('attractor', tipped=(
+        shares, 'share of the moments from which the trajectory settles there when alpha jumps',
+        '1', 'target')) | table(
+            'target', key=([one.key for one in reached], 'attractor at the other amplitude', None),
+            letter=([one.letter for one in reached], 'its letter in the paper, empty for none',
+                    None))
 
 
 def _states_of(parameters: Parameters, attractor: Attractor) -> FloatArray:
@@ -263,52 +245,47 @@ def _states_of(parameters: Parameters, attractor: Attractor) -> FloatArray:
 def describe(dataset: Arrays) -> str:
     """Put the stability of every attractor in words."""
     a, omega = dataset.attrs, dataset.attrs['omega']
-    some = np.flatnonzero(dataset['attractor_kind'].values != Kind.UNSETTLED.value)
-    if not len(some):
-        return attractors.describe(dataset)
     one = {name: dataset[f'attractor_{name}'].values for name in (
-        'label', 'letter', 'key', 'settling_impacts', 'settling_periods', 'disc_radius',
-        'disc_phase', 'disc_velocity')}
+        'label', 'letter', 'key', 'kind', 'settling_impacts', 'settling_periods', 'disc_radius',
+        'disc_phase', 'disc_velocity', *(f'{what}_{field.name}' for what in (
+            'kick', 'displacement') for field in dataclasses.fields(Kick)))}
     names = {label: key for label, (key, _) in OTHERS.items()} | {
         int(label): str(letter or key) for label, letter, key in zip(
             one['label'], one['letter'], one['key'], strict=True)}
-    mine = [names[int(label)] for label in one['label'][some]]
-    seconds = [' mean [s]', ' largest [s]'] if omega else []
-    parts = [attractors.describe(dataset), in_columns(
-        ['settling', ' mean [impacts]', ' median', ' largest', ' mean [drive periods]', ' largest',
-         *seconds],
-        [[name, *(f'{value:,.0f}' for value in one['settling_impacts'][k]),
-          *(f'{value:,.1f}' for value in one['settling_periods'][k, ::2]),
-          *(f'{value * TWO_PI / omega:.4g}' for value in one['settling_periods'][
-              k, ::2] if omega)] for name, k in zip(mine, some, strict=True)])]
-    for what, heading in (('kick', 'smallest kick'), ('displacement', 'smallest displacement')):
-        rows = []
-        for name, k in zip(mine, some, strict=True):
-            kick = {field.name: dataset[f'attractor_{what}_{field.name}'].values[k]
-                    for field in dataclasses.fields(Kick)}
-            if not math.isfinite(kick['size']):
-                rows.append([name, f'none to {a["reach"]:g}', *[''] * 5])
-                continue
-            rows.append([name, f'{kick["size"]:.6f}',
-                         f'({kick["phase_change"]:+.6f}, {kick["change"]:+.6f})'
-                         if what == 'displacement' else f'{kick["change"]:+.6f}',
-                         f'{Wall(int(kick["wall"])).label}, {kick["phase"]:.4f}, '
-                         f'{kick["velocity"]:+.4f}', names[int(kick['target'])],
-                         f'{kick["resolution"]:.1e}', f'{100.0 * kick["unsettled"]:.2f}'])
-        parts.append(in_columns(
-            [heading, ' size [1]', ' change', 'impact: wall, phase, velocity', 'leads to',
-             ' dents under', ' unsettled [%]'], rows))
-    parts.append(in_columns(
-        ['largest disc', ' radius [1]', ' phase', ' velocity'],
-        [[name, f'{one["disc_radius"][k]:.3f}', f'{one["disc_phase"][k]:.3f}',
-          f'{one["disc_velocity"][k]:+.3f}'] for name, k in zip(mine, some, strict=True)]))
+    some = np.flatnonzero(one['kind'] != Kind.UNSETTLED.value).tolist()
+    parts = [attractors.describe(dataset)]
+
+    def add(headings: list[str], row: Callable[[int], list[str]]) -> None:
+        parts.append(in_columns(headings, [[names[int(one['label'][k])], *row(k)] for k in some]))
+
+    def kick(what: str, k: int) -> list[str]:
+        size, change, turned, wall, phase, velocity, target, resolution, unsettled = (
+            one[f'{what}_{name}'][k] for name in (
+                'size', 'change', 'phase_change', 'wall', 'phase', 'velocity', 'target',
+                'resolution', 'unsettled'))
+        if not math.isfinite(size):
+            return [f'none to {a["reach"]:g}', *[''] * 5]
+        return [f'{size:.6f}', f'{change:+.6f}' if what == 'kick' else
+                f'({turned:+.6f}, {change:+.6f})',
+                f'{Wall(int(wall)).label}, {phase:.4f}, {velocity:+.4f}', names[int(target)],
+                f'{resolution:.1e}', f'{100.0 * unsettled:.2f}']
+
+    add(['settling', ' mean [impacts]', ' median', ' largest', ' mean [drive periods]', ' largest',
+         *[' mean [s]', ' largest [s]'] * bool(omega)], lambda k: [
+        *(f'{value:,.0f}' for value in one['settling_impacts'][k]),
+        *(f'{value:,.1f}' for value in one['settling_periods'][k, ::2]),
+        *(f'{value * TWO_PI / omega:.4g}' for value in one['settling_periods'][k, ::2] if omega)])
+    for what in ('kick', 'displacement'):
+        add([f'smallest {what}', ' size [1]', ' change', 'impact: wall, phase, velocity',
+             'leads to', ' dents under', ' unsettled [%]'], functools.partial(kick, what))
+    add(['largest disc', ' radius [1]', ' phase', ' velocity'], lambda k: [
+        f'{one["disc_radius"][k]:.3f}', f'{one["disc_phase"][k]:.3f}',
+        f'{one["disc_velocity"][k]:+.3f}'])
     if 'to' in a:
-        targets = [letter or key for letter, key in zip(
-            dataset['target_letter'].values, dataset['target_key'].values, strict=True)]
-        parts.append(in_columns(
-            [f'after a jump to alpha {a["to"]:g} [%]', *(f' {name}' for name in targets)],
-            [[name, *(f'{100.0 * share:.1f}' for share in dataset['attractor_tipped'].values[k])]
-             for name, k in zip(mine, some, strict=True)]))
+        letters, keys = (dataset[f'target_{name}'].values for name in ('letter', 'key'))
+        add([f'after a jump to alpha {a["to"]:g} [%]',
+             *(f' {letter or key}' for letter, key in zip(letters, keys, strict=True))],
+            lambda k: [f'{100.0 * share:.1f}' for share in dataset['attractor_tipped'].values[k]])
     if 'erosion_window' in a:
-        parts.append(describe_erosion(dataset, some, mine))
-    return '\n\n'.join(parts)
+        parts.append(describe_erosion(dataset, {k: names[int(one['label'][k])] for k in some}))
+    return '\n\n'.join(parts[:len(parts) if some else 1])

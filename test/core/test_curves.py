@@ -32,10 +32,8 @@ from gear_rattle_ros.core.orbits.curves import (
     grow,
     impact_map,
     Map,
-    other_side,
     Segment,
-    stable_segment,
-    unstable_segment,
+    segments_of,
 )
 from gear_rattle_ros.core.orbits.manifolds import Saddle, saddle_of
 from gear_rattle_ros.core.orbits.orbit import close_orbit
@@ -130,8 +128,7 @@ def test_boundary_crisis_of_the_henon_map(a: float, crosses: bool) -> None:
         boundary = grow(Segment(0, np.array([left, left]), side * np.array([into, 1.0]),
                                 1.0 / into**2, 2),
                         within(of_plane(functools.partial(before_henon, a=a))), impacts=16)
-        met = first_crossing(attractor.walls, attractor.points, attractor.begins, boundary.walls,
-                             boundary.points, boundary.begins)[0] >= 0
+        met = first_crossing(attractor, boundary) is not None
         assert not met or crosses
         if met:
             return
@@ -142,9 +139,9 @@ def curves_at(alpha: float, name: str, backwards: bool, **how: Any
               ) -> list[tuple[Segment, Curve]]:
     """Return both sides of a manifold of a saddle."""
     saddle = saddle_at(alpha, *SADDLES[name])
-    segment = stable_segment(saddle) if backwards else unstable_segment(saddle)
     map_on = impact_map(Parameters(alpha).model, backwards=backwards, fastest=6.0)
-    return [(side, grow(side, map_on, **how)) for side in (segment, other_side(segment))]
+    return [(side, grow(side, map_on, **how)) for _, side, back in segments_of(saddle)
+            if back == backwards]
 
 
 def test_halving_the_tolerance_changes_the_length_by_less_than_one_per_cent() -> None:

@@ -24,6 +24,7 @@ from gear_rattle_ros.cli.manifolds import main
 from gear_rattle_ros.core.orbits.cells import first_crossing
 from gear_rattle_ros.core.orbits.curves import grow, impact_map, segments_of
 from gear_rattle_ros.core.orbits.manifolds import saddle_of
+from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.studies.manifolds import describe, find_saddle
 from gear_rattle_ros.studies.tangency import carry, first_touch
 
@@ -68,6 +69,20 @@ def test_dataset_of_manifolds(beside_b):
     assert len(begins) == 8 and np.max(np.min(apart, axis=1)) < 1e-5
 
 
+def test_a_basin_cell_is_drawn_at_both_ends_of_the_phase(beside_b):
+    """The outline of a disc about a point close to 2 pi, on the upper wall."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 50)
+    dataset = beside_b.drop_vars([f'cell_{name}' for name in (
+        'number', 'wall', 'phase', 'velocity')]).assign({
+            f'cell_{name}': ('cell', values) for name, values in (
+                ('number', np.zeros(50, np.int64)), ('wall', np.zeros(50, np.int64)),
+                ('phase', np.mod(6.2 + 0.4 * np.cos(angles), 2.0 * np.pi)),
+                ('velocity', 0.8 + 0.3 * np.sin(angles)))})
+    paths = [patch.get_path() for patch in draw(dataset).axes[0].patches]
+    assert [any(path.contains_point((phase, 0.8)) for path in paths)
+            for phase in (0.2, 0.4, 3.0, 5.7, 5.9)] == [True, False, False, False, True]
+
+
 @pytest.mark.long
 def test_first_touch_is_where_the_curves_begin_to_cross():
     """The signed gap and the curves themselves, which know nothing of it, agree to 1e-5."""
@@ -81,9 +96,7 @@ def test_first_touch_is_where_the_curves_begin_to_cross():
             for name, segment, backwards, impacts in (
                 (*each, 33 if each[2] else 30) for each in segments_of(saddle))
             if name in ('unstable +', 'stable -'))
-        met = first_crossing(unstable.walls, unstable.points, unstable.begins, stable.walls,
-                             stable.points, stable.begins)[0]
-        assert (met >= 0) == (aside > 0.0)
+        assert (first_crossing(unstable, stable) is not None) == (aside > 0.0)
 
 
 def test_a_window_without_a_first_touch_is_refused():

@@ -55,7 +55,7 @@ TOOLS = {
                ('lifetime', 'fate', 'escape_rate')),
     'manifolds': ('--orbit orbit-2-1-U5.4554+0.8585 --length 20 --size 400', 16,
                   ('label', 'curve_phase', 'crossing_velocity')),
-    'orbits': ('--impacts 6 --points 16384 --size 100', 16, ('label', 'cycle_point_phase')),
+    'orbits': ('--impacts 6 --points 4096 --size 200', 16, ('label', 'cycle_point_phase')),
     'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '
                     '1000', 2, ('alpha', 'alpha_error', 'kind', 'ratio')),
 }

@@ -23,16 +23,7 @@ turns at most once whatever the sign of beta, so no impact is missed (doc/steps.
 import math
 from typing import Final
 
-from .closed_form import (
-    acceleration,
-    displace,
-    is_pressed,
-    later,
-    LEG,
-    NO_WALL,
-    sticks,
-    UPPER,
-)
+from .closed_form import acceleration, displace, is_pressed, later, LEG, NO_WALL, sticks, UPPER
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import FAINTEST, force_zero_delay, wall_reached
 from ..compiled import kernel
@@ -61,10 +52,10 @@ def rise(a: float, b: float, sign: float, level: float, turns: bool, sin_p: floa
     """
     d, last = b, b - a
     for _ in range(STEPS):
-        moved, velocity, sine, cosine = displace(d, sin_p, cos_p, v0, model)
-        value, slope = moved - level, velocity
+        value, slope, sine, cosine = displace(d, sin_p, cos_p, v0, model)
         if turns:
-            value, slope = velocity - level, acceleration(sine, cosine, velocity, model)
+            value, slope = slope, acceleration(sine, cosine, slope, model)
+        value -= level
         if sign * value >= 0.0:
             b = d
         else:

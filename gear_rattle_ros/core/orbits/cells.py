@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .curves import Curve, Map
+from .curves import Curve, joined, Map
 from .section import turn
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
@@ -52,12 +52,6 @@ class Cell:
         x = middle[0] + turn(points[:, 0] - middle[0])
         return (walls == self.wall) & enclosed(x, points[:, 1], self.outline)
 
-    def samples(self, seed: int = 1) -> FloatArray:
-        """Draw points in it."""
-        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
-        drawn = low + (high - low) * np.random.default_rng(seed).random((SAMPLES, 2))
-        return drawn[enclosed(drawn[:, 0], drawn[:, 1], self.outline)]
-
 
 @kernel
 def enclosed(x: FloatArray, y: FloatArray, outline: FloatArray) -> npt.NDArray[np.bool_]:
@@ -79,83 +73,79 @@ def find_cells(points: FloatArray, unstable: Curve, stable: Curve, map_on: Map) 
     The multipliers are positive.
     """
     period = len(points)
-    pieces = [_first_piece(stable, k, period) for k in range(period)]
+    ins, outs = ([_first_piece(curve, k, period) for k in range(period)]
+                 for curve in (stable, unstable))
     # Shortest stable sides first.
     for most in range(0, int(stable.impacts.max()) + 1, period):
-        near = np.concatenate([each[stable.impacts[each] <= most + period - 1]
-                               for each in pieces])
-        sides = [_side(points, k, unstable, stable, near) for k in range(period)]
-        met = [side for side in sides if side is not None]
-        if len(met) == period and len({end for end, _ in met}) == period:
-            cells = _polygons(met, stable.walls[[each[0] for each in pieces]], period)
+        near = joined([piece[piece.impacts <= most + period - 1] for piece in ins])
+        sides = {k: side for k, out in enumerate(outs)
+                 if (side := _side(points[k], out, near, period))}
+        if len({end for end, _ in sides.values()}) == period:
+            cells = _polygons(sides, [int(out.walls[0]) for out in outs])
             if are_trapping(cells, map_on):
                 return cells
     return []
 
 
-def _side(points: FloatArray, k: int, unstable: Curve, stable: Curve, near: IntArray
+def _first_piece(curve: Curve, branch: int, period: int) -> Curve:
+    mine = curve[curve.impacts % period == branch]
+    return mine[:int(np.argmax(np.append(mine.begins[1:], True))) + 1]
+
+
+def _side(point: FloatArray, out: Curve, near: Curve, period: int
           ) -> tuple[int, FloatArray] | None:
     # From one point of the orbit along both manifolds to another.
-    out = _first_piece(unstable, k, len(points))
-    mine = unstable.points[out]
-    i, j, part = first_crossing(unstable.walls[out], mine, unstable.begins[out],
-                                stable.walls[near], stable.points[near], stable.begins[near])
-    if i < 0:
+    met = first_crossing(out, near)
+    if met is None:
         return None
-    corner = mine[i - 1] + part * unstable.steps[out][i - 1]
-    branch = int(stable.impacts[near[j]]) % len(points)
-    back = near[:j][stable.impacts[near[:j]] % len(points) == branch]
+    i, j, corner = met
+    branch = int(near.impacts[j]) % period
+    back = near.points[:j][near.impacts[:j] % period == branch]
     # Backwards the orbit is passed in the other direction.
-    return (-branch) % len(points), np.concatenate([
-        points[k:k + 1], mine[:i], corner[None], stable.points[back][::-1]])
+    return -branch % period, np.concatenate([[point], out.points[:i], [corner], back[::-1]])
 
 
-def _polygons(sides: list[tuple[int, FloatArray]], walls: IntArray, period: int) -> list[Cell]:
+def _polygons(sides: dict[int, tuple[int, FloatArray]], walls: list[int]) -> list[Cell]:
     # Each side leads from the point of its number to another, all of them in cycles.
-    cells, left = [], set(range(period))
-    while left:
-        first = k = min(left)
+    cells = []
+    while sides:
+        first = k = min(sides)
         outline = []
-        while k in left:
-            left.remove(k)
-            end, side = sides[k]
+        while k in sides:
+            k, side = sides.pop(k)
             outline.append(side)
-            k = end
         path = np.concatenate(outline)
         path[:, 0] = path[0, 0] + np.append(0.0, np.cumsum(turn(np.diff(path[:, 0]))))
-        cells.append(Cell(int(walls[-first % period]), path, 2 * len(outline)))
+        cells.append(Cell(walls[first], path, 2 * len(outline)))
     return cells
-
-
-def _first_piece(curve: Curve, branch: int, period: int) -> IntArray:
-    # Up to the first cut of a branch.
-    mine = np.flatnonzero(curve.impacts % period == branch)
-    cuts = np.flatnonzero(curve.begins[mine][1:])
-    return mine[:cuts[0] + 1] if len(cuts) else mine
 
 
 def are_trapping(cells: list[Cell], map_on: Map) -> bool:
     """Whether the image of cells lies in them."""
-    inside, drawn = 0, 0
+    inside = []
     for cell in cells:
-        points = cell.samples()
-        walls, images = map_on(np.full(len(points), cell.wall, np.int64), points, 1)
-        inside += int(np.count_nonzero(np.any(
-            [each.contains(walls, images) for each in cells], axis=0)))
-        drawn += len(points)
-    return drawn > 0 and inside >= WITHIN * drawn
+        low, high = cell.outline.min(axis=0), cell.outline.max(axis=0)
+        points = low + (high - low) * np.random.default_rng(1).random((SAMPLES, 2))
+        walls = np.full(SAMPLES, cell.wall, np.int64)
+        mine = cell.contains(walls, points)
+        images = map_on(walls[mine], points[mine], 1)
+        inside.append(np.any([each.contains(*images) for each in cells], axis=0))
+    found = np.concatenate(inside)
+    return bool(np.sum(found) >= WITHIN * len(found) > 0.0)
+
+
+def first_crossing(curve: Curve, other: Curve) -> tuple[int, int, FloatArray] | None:
+    """Find the first step of a curve that crosses another: which ones end there, and where."""
+    i, j, part = cross(curve.walls, curve.points, curve.begins, other.walls, other.points,
+                       other.begins)
+    return (i, j, curve.points[i - 1] + part * curve.steps[i - 1]) if i > 0 else None
 
 
 @kernel
-def first_crossing(walls: IntArray, points: FloatArray, begins: npt.NDArray[np.bool_],
-                   other_walls: IntArray, others: FloatArray, other_begins: npt.NDArray[np.bool_]
-                   ) -> tuple[int, int, float]:
-    """
-    Find the first step of a curve that crosses another, and which step of it.
-
-    Each is numbered by the point that it ends at; the third result is the part of the step [1].
-    -1 where none does.
-    """
+def cross(walls: IntArray, points: FloatArray, begins: npt.NDArray[np.bool_],
+          other_walls: IntArray, others: FloatArray, other_begins: npt.NDArray[np.bool_]
+          ) -> tuple[int, int, float]:
+    """Find the points at which both steps end, and the part of the first [1]; -1 for none."""
     for i in range(1, len(points)):
         if begins[i]:
             continue
@@ -171,10 +161,10 @@ def first_crossing(walls: IntArray, points: FloatArray, begins: npt.NDArray[np.b
             ex -= TWO_PI * np.rint(ex / TWO_PI)
             ox, oy = others[j - 1, 0] - x, low - y
             ox -= TWO_PI * np.rint(ox / TWO_PI)
-            cross = dx * ey - dy * ex
+            turned = dx * ey - dy * ex
             here, there = ox * ey - oy * ex, ox * dy - oy * dx
-            if cross < 0.0:
-                cross, here, there = -cross, -here, -there
-            if 0.0 < here <= cross and 0.0 < there <= cross:
-                return i, j, here / cross
+            if turned < 0.0:
+                turned, here, there = -turned, -here, -there
+            if 0.0 < here <= turned and 0.0 < there <= turned:
+                return i, j, here / turned
     return -1, -1, 0.0

@@ -20,11 +20,11 @@ inserted where the image is coarse, and are mapped from the segment themselves, 
 the manifold.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import dataclasses
 import functools
 import math
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,7 @@ from .section import turn
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
-from ..flight.inverse import previous_impact, require_inverse
+from ..flight.inverse import previous_impact
 from ..model import Model
 
 #: Maps points (phase, velocity) at walls on, each that many times; NO_WALL where there is no more.
@@ -96,38 +96,22 @@ class Curve:
         """Sum of the distances between neighbours [1]."""
         return float(np.nansum(np.hypot(*self.steps.T)))
 
-
-def unstable_segment(saddle: Saddle) -> Segment:
-    """Return where the unstable manifold of a saddle begins, at its side."""
-    return Segment(int(saddle.orbit.walls[0]), saddle.orbit.points[0], saddle.unstable,
-                   saddle.expansion, saddle.impacts)
-
-
-def stable_segment(saddle: Saddle) -> Segment:
-    """Return where the stable manifold begins, at the side of growing phase or velocity."""
-    # Of growing velocity where the phase stays.
-    require_inverse(saddle.orbit.parameters)
-    vector = np.array(np.linalg.inv(saddle.rows)[:, 1], np.float64)
-    vector *= math.copysign(1.0, vector @ (1.0, 1e-9)) / math.hypot(*vector)
-    return Segment(int(saddle.orbit.walls[0]), saddle.orbit.points[0], vector,
-                   1.0 / saddle.contraction, saddle.impacts)
-
-
-def other_side(segment: Segment) -> Segment:
-    return dataclasses.replace(segment, vector=-segment.vector)
+    def __getitem__(self, rows: Any) -> 'Curve':
+        return Curve(*(values[rows] for values in vars(self).values()))
 
 
 def segments_of(saddle: Saddle) -> list[tuple[str, Segment, bool]]:
     """List the sides of both manifolds: name, segment, whether it is mapped backwards."""
+    # The side + is that of growing phase, or of growing velocity where the phase stays.
+    stable = np.array(np.linalg.inv(saddle.rows)[:, 1], np.float64)
+    stable *= math.copysign(1.0, stable @ (1.0, 1e-9)) / math.hypot(*stable)
     # One segment leads to both sides where the multipliers are negative.
-    both = saddle.turns == 2
-    found = []
-    for name, segment in (('unstable', unstable_segment(saddle)),
-                          ('stable', stable_segment(saddle))):
-        found.append((name if both else f'{name} +', segment, name == 'stable'))
-        if not both:
-            found.append((f'{name} -', other_side(segment), name == 'stable'))
-    return found
+    sides = {' +': 1.0, ' -': -1.0} if saddle.turns == 1 else {'': 1.0}
+    return [(name + side, Segment(int(saddle.orbit.walls[0]), saddle.orbit.points[0],
+                                  sign * vector, factor, saddle.impacts), name == 'stable')
+            for name, vector, factor in (('unstable', saddle.unstable, saddle.expansion),
+                                         ('stable', stable, 1.0 / saddle.contraction))
+            for side, sign in sides.items()]
 
 
 @kernel
@@ -177,22 +161,10 @@ def grow(segment: Segment, map_on: Map, *, length: float = math.inf, impacts: in
     """
     Map a segment on until the curve has a length, or for some impacts.
 
-    Parameters
-    ----------
-    segment : Segment
-        Where it begins.
-    map_on : Map
-        The map, for a stable manifold its inverse.
-    length : float
-        After the impact at which the curve is that long [1] it ends.
-    impacts : int
-        Impacts at most.
-    tolerance : float
-        Bound of the distance between neighbours times the angle at which the curve turns there;
-        neighbours are at most 30 times that apart [1].
-    most : int
-        Points at most; the impact that would need more is left out.
-
+    `map_on` is the inverse map for a stable manifold. The curve ends after the impact at which it
+    has the `length` [1], or before the one that would need more points than the `most`.
+    Neighbours are at most 30 times the `tolerance` apart; their distance times the angle at which
+    the curve turns there is at most that [1].
     """
     places = np.linspace(0.0, 1.0, FIRST)
     now = _Generation(places, *segment.at(places), np.zeros(FIRST - 1, np.bool_))
@@ -217,7 +189,7 @@ def grow(segment: Segment, map_on: Map, *, length: float = math.inf, impacts: in
             tolerance, lengths[n - segment.impacts])
         if sum(lengths) >= length or shrinks or not now.alive.any():
             break
-    return _joined(images, segment.impacts)
+    return _curve_of(images, segment.impacts)
 
 
 def _steps(points: FloatArray) -> FloatArray:
@@ -268,9 +240,14 @@ def _refine(segment: Segment, map_on: Map, now: _Generation, n: int, tolerance: 
     return now
 
 
-def _joined(images: list[tuple[_Generation, npt.NDArray[np.bool_]]], period: int) -> Curve:
+def joined(parts: Sequence[Curve]) -> Curve:
+    """Return curves one after the other as one."""
+    return Curve(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+
+
+def _curve_of(images: list[tuple[_Generation, npt.NDArray[np.bool_]]], period: int) -> Curve:
     # The end of an image is the beginning of that a period later.
-    parts: list[tuple[npt.NDArray[np.generic], ...]] = []
+    parts = []
     for branch in range(min(period, len(images))):
         for n in range(branch, len(images), period):
             image, grazes = images[n]
@@ -278,7 +255,6 @@ def _joined(images: list[tuple[_Generation, npt.NDArray[np.bool_]]], period: int
             dead = np.insert(~image.alive[:-1], 0, False)
             keep = image.alive.copy()
             keep[0] &= n == branch
-            parts.append(tuple(each[keep] for each in (
-                image.walls, image.points, np.full(len(keep), n), image.places, begins | dead,
-                grazes)))
-    return Curve(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+            parts.append(Curve(image.walls, image.points, np.full(len(keep), n), image.places,
+                               begins | dead, grazes)[keep])
+    return joined(parts)

@@ -12,11 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The escape rate of what unstable orbits span, from these orbits alone: a cycle expansion."""
 
 from collections.abc import Sequence
-import dataclasses
 import math
 from typing import Final
 
@@ -32,38 +30,21 @@ SAMPLES: Final = 521
 HALVINGS: Final = 60
 
 
-@dataclasses.dataclass(frozen=True)
-class CycleExpansion:
-    """Escape rates per impact [1] by order, the drive periods of the longest orbits used."""
-
-    rates: tuple[float, ...]  # nan where an order has no zero
-
-    @property
-    def rate(self) -> float:
-        """That of the highest order."""
-        return self.rates[-1] if self.rates else math.nan
-
-    @property
-    def error(self) -> float:
-        """What the highest order still changed, at least [1]."""
-        return abs(self.rates[-1] - self.rates[-2]) if len(self.rates) > 1 else math.inf
-
-
-def expand(orbits: Sequence[Orbit], order: int) -> CycleExpansion:
+def expand(orbits: Sequence[Orbit], order: int) -> list[float]:
     """
-    Find the escape rate from unstable orbits of at most `order` drive periods.
+    Find the escape rate per impact from unstable orbits of up to 1 ... `order` drive periods.
 
     It is the leading zero of the Fredholm determinant ``exp(-sum_p sum_r z^(q r) / (r |det(1 -
     M_p^r)|))``, ``z = exp(rate)``, expanded in the drive periods of its cycles (Artuso, Aurell &
-    Cvitanovic 1990): then long orbits correct what the shorter ones nearly give.
+    Cvitanovic 1990): then long orbits correct what the shorter ones nearly give. nan where an
+    order has no zero.
     """
     table = np.array([(orbit.impacts, orbit.drive_periods, *orbit.multipliers.real)
                       for orbit in orbits
                       if not orbit.is_stable and orbit.drive_periods <= order]).reshape(-1, 4)
     rates = np.linspace(LOWEST, HIGHEST, SAMPLES)
     values = np.array([_determinants(table, order, rate) for rate in rates])
-    return CycleExpansion(tuple(_first_zero(table, n, rates, values[:, n])
-                                for n in range(1, order + 1)))
+    return [_first_zero(table, n, rates, values[:, n]) for n in range(1, order + 1)]
 
 
 def _determinants(table: FloatArray, order: int, rate: float) -> FloatArray:

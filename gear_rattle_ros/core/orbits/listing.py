@@ -15,9 +15,8 @@
 
 """All periodic orbits up to a number of impacts, stable or not, as far as seeds show them."""
 
-from collections import Counter
 import dataclasses
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -33,13 +32,13 @@ from ..words import counted
 
 # The additive recurrence that fills a square evenly (Roberts 2018).
 STEPS: Final = (0.7548776662466927, 0.5698402909980532)
-# Each point of the section is followed for so long, and each of its impacts begins seeds; no point
-# of a seed may move farther than this onto its orbit [rad, 1].
+# Impacts for which a point of the section is followed, each of which begins seeds; how far a point
+# of a seed may move onto its orbit [rad, 1].
 FOLLOWED: Final = 64
 REACH: Final = 0.5
 # Orbits are put together where they come this near to each other [rad, 1].
 SPLICED: Final = 0.3
-# An orbit is well known where so many seeds have led to it. One step of Newton's method that leads
+# An orbit to which this many seeds have led is well known. One step of Newton's method that leads
 # to it but for this part of the step is enough; beside a fold, where two orbits are near each
 # other, no step comes so near to either.
 OFTEN: Final = 50
@@ -50,7 +49,7 @@ SETTLED: Final = 1e-3
 SAME: Final = 1e-7
 # A contact that is slower is no impact [1].
 SLOWEST: Final = 1e-9
-# Orbits for which there is room at first.
+# Orbits for which more room is made at once.
 ROOM: Final = 1000
 
 # Walls, points, and how many seeds led there.
@@ -88,25 +87,16 @@ class OrbitList:
         once, twice = (self.seeds.count(number) for number in (1, 2))
         return once * (once - 1) / (2.0 * (twice + 1))
 
-    @property
-    def unstable(self) -> tuple[Orbit, ...]:
-        """Those that attract nothing."""
-        return tuple(orbit for orbit in self.orbits if not orbit.is_stable)
-
-    @property
-    def counts(self) -> dict[int, int]:
-        """Number of orbits by their impacts."""
-        return dict(sorted(Counter(orbit.impacts for orbit in self.orbits).items()))
-
     def statement(self) -> str:
         """Say how far the list is complete."""
         points = counted(self.points, 'point')
         if self.is_complete:
             return (f'complete as far as seeds show: from {points} of the section, as many as '
                     f'before once more, no orbit was added')
-        added = self.rounds[-1][1] - self.rounds[-2][1] if len(self.rounds) > 1 else 0
-        return (f'not complete: the last doubling, to {points} of the section, added '
-                f'{counted(added, "orbit")}; about {self.unseen:.0f} more are to be expected')
+        done = (f'the last doubling, to {points} of the section, added '
+                f'{counted(self.rounds[-1][1] - self.rounds[-2][1], "orbit")}'
+                if len(self.rounds) > 1 else f'there was one round alone, of {points}')
+        return f'not complete: {done}; about {self.unseen:.0f} more are to be expected'
 
 
 class Rings:
@@ -114,7 +104,9 @@ class Rings:
 
     def __init__(self, found: OrbitList) -> None:
         self.parameters, self.longest, self.known = found.parameters, found.longest, 0
-        self._arrays = _room(ROOM, self.longest)
+        self._arrays = (
+            np.zeros((0, self.longest), np.int64), np.zeros((0, self.longest, 2)),
+            np.zeros(0, np.int64), np.zeros(0, np.int64))
         for orbit, seeds in zip(found.orbits, found.seeds, strict=True):
             self.add(orbit.walls, orbit.points, seeds)
 
@@ -157,16 +149,11 @@ class Rings:
                          tuple(seeds for _, seeds in closed), (*rounds, (points, len(closed))))
 
     def _make_room(self, rows: int) -> None:
-        if rows > len(self._arrays[0]):
-            more = _room(len(self._arrays[0]), self.longest)
-            walls, points, impacts, seeds = (np.concatenate(both) for both in zip(
-                self._arrays, more, strict=True))
-            self._arrays = walls, points, impacts, seeds
-
-
-def _room(rows: int, longest: int) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
-    return (np.zeros((rows, longest), np.int64), np.zeros((rows, longest, 2)),
-            np.zeros(rows, np.int64), np.zeros(rows, np.int64))
+        more = rows - len(self._arrays[0])
+        if more > 0:
+            larger: Any = tuple(np.pad(each, [(0, more + ROOM), *[(0, 0)] * (each.ndim - 1)])
+                                for each in self._arrays)
+            self._arrays = larger
 
 
 @kernel
@@ -220,7 +207,7 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
                               impacts, seeds, known)
                 if k >= 0:
                     seeds[k] += 1
-                    settled |= step < SETTLED and is_stable(a + d, a * d - b * c)
+                    settled |= step < SETTLED and abs(a + d) < 1.0 + (a * d - b * c) < 2.0
                     continue
                 ring[:q] = path[n:n + q]
                 if close_ring(on_walls[n:n + q], ring[:q], carried, REACH, model):
@@ -263,15 +250,10 @@ def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntA
 
 
 @kernel
-def is_stable(trace: float, determinant: float) -> bool:
-    return abs(trace) < 1.0 + determinant < 2.0
-
-
-@kernel
 def find_ring(wall: int, point: FloatArray, q: int, near: float, least: int, walls: IntArray,
               rings: FloatArray, impacts: IntArray, seeds: IntArray, known: int) -> int:
     """Return the orbit of q impacts, or a part of q, that has a point; -1 for none."""
-    # Of those to which at least so many seeds have led.
+    # Of those to which at least the `least` seeds have led.
     for i in range(known):
         if seeds[i] >= least and q % impacts[i] == 0:
             for k in range(impacts[i]):
