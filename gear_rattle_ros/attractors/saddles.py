@@ -14,6 +14,7 @@
 
 """Edge states and chaotic saddles of the gear, by straddling what the catalogue labels."""
 
+from collections.abc import Callable
 import dataclasses
 import functools
 import math
@@ -22,23 +23,18 @@ from typing import Final
 import numpy as np
 
 from .catalogue import Attractor, Catalogue, follow_here, Kind
+from .orbits import find_orbits
 from .plane import Plane
 from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RESULT, UNSETTLED
-from ..core.many.sprinkler import estimate, growths, SaddleRates
+from ..core.many.sprinkler import estimate, growths, rates_of, SaddleRates
 from ..core.model import STICKING_SPEED
 from ..core.orbits.impact_map import map_points
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
 from ..core.orbits.section import distances, turn
-from ..core.orbits.straddle import (
-    any_change,
-    FINE,
-    first_change,
-    longest_lived,
-    straddle,
-)
+from ..core.orbits.straddle import any_change, FINE, first_change, longest_lived, straddle
 from ..core.words import counted
 
 # Impacts for which initial conditions are followed to the section, and how many are drawn at once.
@@ -47,14 +43,14 @@ DRAWN: Final = 64
 TRIES: Final = 64
 # Images whose flights differ by more than this lie on both sides of a grazing [1].
 TOGETHER: Final = 0.1
-# Longest orbits that are recognised on a saddle [impacts].
-LONGEST: Final = 12
-# Close returns at each period that are tried, and orbits on a saddle that are enough.
-SEEDS: Final = 12
-LISTED: Final = 12
+# The orbits that are sought [impacts], from so many points of the section.
+LONGEST: Final = 8
+SOUGHT: Final = 2048
 # Impacts as near as this are near an orbit [rad, 1].
 CLOSE: Final = 0.01
-# Of a straddle trajectory that has come to an orbit, this share of the steps is near it.
+# A straddle trajectory that has come to an orbit, of so many impacts at the most, comes back as
+# near in this share of the steps.
+RETURNS: Final = 64
 SETTLED: Final = 0.5
 # Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
 # its points in which they are sprinkled [rad, 1], and the rows of growth at the most.
@@ -136,30 +132,37 @@ class Straddling:
         points[:, 0] %= 2.0 * math.pi
         return points
 
-    def orbits_near(self, points: FloatArray) -> list[tuple[Orbit, int]]:
-        """Find the saddle orbits that close returns show, and how many impacts are near each."""
-        found: dict[str, tuple[Orbit, int]] = {}
-        for q in range(1, LONGEST + 1):
-            back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
-            for k in np.argsort(back)[:SEEDS].tolist():
-                walls = np.signbit(points[k:k + q, 1]).astype(np.int64)
-                orbit = close_orbit(walls, points[k:k + q], self.catalogue.parameters,
-                                    NEAR) if back[k] < NEAR else None
-                if orbit is None or orbit.is_stable:
-                    continue
-                apart = distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
-                                  orbit.phases[:, None])
-                # All of it, as a seed may lead elsewhere.
-                if np.all(np.min(apart, axis=1) < NEAR):
-                    found[orbit.key] = orbit.canonical(), int(np.sum(apart < CLOSE))
-            if len(found) >= LISTED:
-                break
-        return list(found.values())
+    @functools.cached_property
+    def unstable(self) -> tuple[Orbit, ...]:
+        """The short orbits that attract nothing."""
+        return find_orbits(self.catalogue.parameters, LONGEST, most=SOUGHT).unstable
+
+    def orbits_near(self, points: FloatArray, orbits: tuple[Orbit, ...]
+                    ) -> list[tuple[Orbit, int]]:
+        """List the orbits that impacts come near all along, and how many are near each."""
+        apart = [distances(points[:, 1], points[:, 0], each.velocities[:, None],
+                           each.phases[:, None]) for each in orbits]
+        return [(orbit, int(np.sum(each < CLOSE))) for orbit, each in zip(
+            orbits, apart, strict=True) if np.all(np.min(each, axis=1, initial=math.inf) < NEAR)]
 
     def orbit_of(self, points: FloatArray) -> Orbit | None:
         """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
-        return next((orbit for orbit, count in self.orbits_near(points)
-                     if count >= SETTLED * len(points)), None)
+        for q in range(1, min(RETURNS, len(points) // 2)):
+            back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
+            if np.mean(back < CLOSE) >= SETTLED:
+                ring = points[np.argmin(back):][:q]
+                orbit = close_orbit(np.signbit(ring[:, 1]).astype(np.int64), ring,
+                                    self.catalogue.parameters, NEAR)
+                return orbit.canonical() if orbit and not orbit.is_stable else None
+        return None
+
+    def rates(self, points: FloatArray, estimates: Callable[[], FloatArray]) -> SaddleRates:
+        """Return the rates of what a straddle trajectory lies on, exact where it is one orbit."""
+        orbit = self.orbit_of(points)
+        if orbit is None:
+            return rates_of(estimates())
+        one, two = ((exponent, 0.0) for exponent in orbit.exponents)
+        return SaddleRates(one, one, two, impacts=orbit.impacts)
 
     def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
                    ) -> FloatArray:
@@ -210,9 +213,3 @@ class Straddling:
         _, matrices, _, _ = map_points(np.column_stack(
             [rows['phase'].ravel(), rows['velocity'].ravel()]), self.catalogue.parameters.model)
         return growths(matrices.reshape(-1, steps, 2, 2))
-
-
-def rates_of_orbit(orbit: Orbit) -> SaddleRates:
-    """Return the rates of a saddle that is one orbit: exact, and nothing but it stays."""
-    one, two = orbit.exponents
-    return SaddleRates(one, 0.0, one, 0.0, two, 0.0, impacts=orbit.impacts)

@@ -32,12 +32,12 @@ from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import initial_condition, Plane
-from ..attractors.saddles import HEAD, rates_of_orbit, Straddling
+from ..attractors.saddles import HEAD, Straddling
 from ..core.arrays import FloatArray, RecordArray
 from ..core.defaults import INITIAL_CONDITIONS, LIFETIMES_HOLD, SEED, TOLERANCE
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import UNSETTLED
-from ..core.many.sprinkler import QUANTITIES, rates_of, SaddleRates
+from ..core.many.sprinkler import QUANTITIES, SaddleRates
 from ..core.model import Parameters
 from ..core.orbits.section import distances
 from ..core.words import counted, in_columns
@@ -53,6 +53,8 @@ SPRINKLED: Final = 20_000
 # Segments from each attractor to the boundary of its basin, and impacts of each that is straddled.
 RAYS: Final = 4
 REACHED: Final = 150
+# Orbits on the saddle that are listed, the shortest.
+LISTED: Final = 12
 # How near a trajectory is to the saddle [rad, 1].
 NEAR: Final = 0.05
 # Impacts of a trajectory that are compared with the saddle at the most.
@@ -138,40 +140,37 @@ def _straddled(store: Store) -> FloatArray:
 
 def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
     """Write the rates, and the orbits, of a store whose parts are complete."""
-    points = _straddled(store)
+    points, random = _straddled(store), np.random.default_rng([seed, PARTS])
     orbit = straddling.orbit_of(points)
-    rates = rates_of_orbit(orbit) if orbit else rates_of(store.read_all('estimate'))
-    found = [('', each, near) for each, near in straddling.orbits_near(points)
-             if orbit is None or each.key == orbit.key]
-    random = np.random.default_rng([seed, PARTS])
+    rates = straddling.rates(points, lambda: store.read_all('estimate'))
+    found = [('', *near) for near in straddling.orbits_near(
+        points, (orbit,) if orbit else straddling.unstable)[:LISTED]]
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
         rays = np.concatenate([straddling.accessible(each, REACHED, random)
                                for _ in range(RAYS)])
-        found += [(each.key, *near) for near in sorted(
-            straddling.orbits_near(rays), key=lambda near: -near[1] / near[0].impacts)[:1]]
+        near = straddling.orbits_near(rays, straddling.unstable)
+        found += [(each.key, *max(near, key=lambda one: one[1] / one[0].impacts))] if near else []
     orbits = [one for _, one, _ in found]
     hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
-    values = [(rates.kappa, rates.kappa_error), (rates.lambda_1, rates.lambda_1_error),
-              (rates.lambda_2, rates.lambda_2_error), rates.dimension_1, rates.dimension_2,
-              rates.exponent]
-    store.write_table({name: (dimensions, np.array(column), named(words, units))
-                       for name, dimensions, column, words, units in (
-        ('rate_name', ('rate',), [*RATES], 'name of the rate', ''),
-        ('rate_value', ('rate',), [value for value, _ in values], 'rate per impact, or dimension',
-         '1'),
-        ('rate_error', ('rate',), [error for _, error in values], 'its standard error', '1'),
-        ('orbit_key', ('orbit',), [one.key for one in orbits], 'name of the orbit', ''),
-        ('orbit_side', ('orbit',), [side for side, _, _ in found], 'attractor from which it is '
-         'accessible, empty for an orbit on the saddle', ''),
-        ('orbit_impacts', ('orbit',), [one.impacts for one in orbits], 'impacts of a period', '1'),
-        ('orbit_multiplier', ('orbit', 'pair'), np.reshape(
-            [one.multipliers.real for one in orbits], (-1, 2)), 'multipliers of a period', '1'),
-        ('orbit_near', ('orbit',), [near for _, _, near in found], 'impacts straddled near it',
-         '1'),
-        ('orbit_point_phase', ('orbit_point',), hits[:, 0], 'drive phase of its impacts', 'rad'),
-        ('orbit_point_velocity', ('orbit_point',), hits[:, 1], 'velocity before them', '1'),
-        ('orbit_point_number', ('orbit_point',), np.repeat(
-            np.arange(len(orbits)), [one.impacts for one in orbits]), 'orbit of the point', '1'))})
+    values, errors = zip(rates.kappa, rates.lambda_1, rates.lambda_2, rates.dimension_1,
+                         rates.dimension_2, rates.exponent, strict=True)
+    store.write_table({name: ((name.rsplit('_', 1)[0], 'pair')[:np.ndim(column)],
+                              np.array(column), named(words, units))
+                       for name, column, words, units in (
+        ('rate_name', [*RATES], 'name of the rate', ''),
+        ('rate_value', values, 'rate per impact, or dimension', '1'),
+        ('rate_error', errors, 'its standard error', '1'),
+        ('orbit_key', [one.key for one in orbits], 'name of the orbit', ''),
+        ('orbit_side', [side for side, _, _ in found], 'attractor from which it is accessible, '
+         'empty for an orbit on the saddle', ''),
+        ('orbit_impacts', [one.impacts for one in orbits], 'impacts of a period', '1'),
+        ('orbit_multiplier', np.reshape([one.multipliers.real for one in orbits], (-1, 2)),
+         'multipliers of a period', '1'),
+        ('orbit_near', [near for _, _, near in found], 'impacts straddled near it', '1'),
+        ('orbit_point_phase', hits[:, 0], 'drive phase of its impacts', 'rad'),
+        ('orbit_point_velocity', hits[:, 1], 'velocity before them', '1'),
+        ('orbit_point_number', np.repeat(np.arange(len(orbits)), [
+            one.impacts for one in orbits]), 'orbit of the point', '1'))})
     store.set_attributes({'is_orbit': orbit.key if orbit else '', 'escapes': rates.escapes,
                           'impacts': rates.impacts})
 
@@ -253,11 +252,8 @@ def _layout(identity: dict[str, Any]) -> Layout:
 def boundary_saddle(catalogue: Catalogue, plane: Plane | None = None, *, seed: int = SEED,
                     straddled: int = STRADDLED, sprinkled: int = 2 * SPRINKLED) -> SaddleRates:
     """Estimate the rates of the saddle on the boundary of all basins of a catalogue."""
-    # They are exact where that is one orbit, and nan where too few trajectories stay long enough;
-    # ValueError where there is no boundary.
-    straddling = Straddling(catalogue, True, catalogue.hold)
-    random = np.random.default_rng(seed)
+    # ValueError where there is none; nan where too few trajectories stay long enough.
+    straddling, random = Straddling(catalogue, True, catalogue.hold), np.random.default_rng(seed)
     points = straddling.follow(plane or Plane(), straddled, random)
-    orbit = straddling.orbit_of(points)
-    return rates_of_orbit(orbit) if orbit else rates_of(np.stack([
+    return straddling.rates(points, lambda: np.stack([
         straddling.sprinkle(points, sprinkled // PARTS, random) for _ in range(PARTS)]))

@@ -15,6 +15,7 @@
 """Boundaries of the model: routes that agree, three basins, none at all."""
 
 import dataclasses
+import functools
 import math
 import re
 
@@ -25,7 +26,7 @@ from gear_rattle_ros import boundary, find_attractors, Parameters, Plane
 from gear_rattle_ros.cli.boundary import main
 from gear_rattle_ros.cli.continuation import main as follow
 from gear_rattle_ros.core.boundaries.uncertainty import count_cut
-from gear_rattle_ros.studies.boundary import describe, Labels, law_of, measure, PROBES
+from gear_rattle_ros.studies.boundary import describe, labels_of, law_of, measure, PROBES
 
 QUICK = {'initial_conditions': 60, 'hold': 2000, 'cap': 4000}
 # An impact of B is in this window, in which all initial conditions settle alike.
@@ -68,7 +69,7 @@ def test_the_coarse_measure_agrees_with_boxes_of_two_edges():
                             hold=2000)
     exponent, error, entropy, _ = measure(known, plane, 1)
     (small, first), (large, second) = (
-        count_cut(Labels(known, 0.0, 2000), (plane.phase, plane.velocity), 'box', size, 0.04,
+        count_cut(functools.partial(labels_of, known, 0.0, 2000), (plane.phase, plane.velocity), 'box', size, 0.04,
                   50_000, random) for size in (1e-8, 1e-2))
     slope = math.log(large / second * first / small) / math.log(1e6)
     assert exponent == pytest.approx(slope, abs=3.0 * math.hypot(error, 0.06 / math.log(1e6)))

@@ -39,31 +39,10 @@ PROBABILITY_LEAST: Final = 0.05
 
 def count_cut(label: Label, window: Window, probe: str, size: float, error: float, most: int,
               rng: np.random.Generator) -> tuple[int, int]:
-    """
-    Count random probes whose points differ in their labels, until the share is accurate.
-
-    Parameters
-    ----------
-    label, window
-        The labels, and where the probes are.
-    probe : str
-        'triplet': a point and its neighbours at the distance `size` on either side, in a random
-        direction. 'box': the corners of a square of this edge.
-    size : float
-        In units of the coordinates.
-    error : float
-        Relative error of the share at which no more are needed.
-    most : int
-        Probes at the most; where as many would not do, only the first are labelled.
-    rng : numpy.random.Generator
-        Draws the probes.
-
-    Returns
-    -------
-    cut, probes : int
-        Those whose labels differ, and all.
-
-    """
+    """Count random probes whose points differ in their labels, and all, until that is accurate."""
+    # A 'triplet' is a point and its neighbours at the distance `size` on either side, in a random
+    # direction, a 'box' the corners of a square of this edge. `error` is the relative error of the
+    # share at which no more are needed; where `most` probes would not do, only the first are made.
     cut = probes = 0
     while True:
         needed = (probes - cut + 1) / ((cut + 1) * error**2)
