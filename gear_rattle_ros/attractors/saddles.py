@@ -14,7 +14,7 @@
 
 """Edge states and chaotic saddles of the gear, by straddling what the catalogue labels."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import dataclasses
 import functools
 import math
@@ -27,6 +27,7 @@ from .orbits import find_orbits
 from .plane import Plane
 from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
+from ..core.flight.elementary import TWO_PI
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RESULT, UNSETTLED
 from ..core.many.sprinkler import estimate, growths, rates_of, SaddleRates
@@ -43,13 +44,13 @@ DRAWN: Final = 64
 TRIES: Final = 64
 # Images whose flights differ by more than this lie on both sides of a grazing [1].
 TOGETHER: Final = 0.1
-# The orbits that are sought [impacts], from so many points of the section.
+# The orbits that are sought [impacts], from so many points of the section; how near impacts are to
+# an orbit [rad, 1].
 LONGEST: Final = 8
 SOUGHT: Final = 2048
-# Impacts as near as this are near an orbit [rad, 1].
 CLOSE: Final = 0.01
-# A straddle trajectory that has come to an orbit, of so many impacts at the most, comes back as
-# near in this share of the steps.
+# A straddle trajectory that has come to an orbit, of at most so many impacts, comes back as near
+# in this share of the steps.
 RETURNS: Final = 64
 SETTLED: Final = 0.5
 # Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
@@ -58,9 +59,9 @@ HEAD: Final = 15
 SPREAD: Final = 0.01
 FOLLOWED: Final = 1000
 ROW: Final = 400
-# Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge.
+# Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge;
+# lifetimes are told apart up to this many times those of what leaves at once.
 LEAVE: Final = 20
-# Lifetimes are told apart up to this many times those of what leaves at once.
 FAR: Final = 4
 
 
@@ -73,10 +74,10 @@ class Straddling:
     cap: int  # impacts after which a point is given up
 
     def results(self, points: FloatArray, cap: int) -> RecordArray:
-        """Return the RESULT of impacts (phase, velocity before)."""
+        """Return the RESULT of impacts (phase, velocity before them)."""
         results = np.zeros(len(points), RESULT)
-        follow_here(initial_after(self.catalogue.parameters, points[:, 0], points[:, 1]),
-                    cap, self.catalogue.table, results)
+        follow_here(initial_after(self.catalogue.parameters, *points.T), cap,
+                    self.catalogue.table, results)
         return results
 
     def values(self, points: FloatArray) -> IntArray:
@@ -92,8 +93,8 @@ class Straddling:
         images[:, 0] = images[0, 0] + turn(images[:, 0] - images[0, 0])
         return images
 
-    def segment(self, plane: Plane, random: np.random.Generator) -> FloatArray | None:
-        """Draw two impacts at one wall of different values; None where there are none."""
+    def segments(self, plane: Plane, random: np.random.Generator) -> Iterator[FloatArray]:
+        """Draw pairs of impacts at one wall of different values."""
         for _ in range(TRIES):
             initial = plane.draw(self.catalogue.parameters, DRAWN, int(random.integers(1 << 31)))
             rows, made = record_impacts(initial, ARRIVE, 1)
@@ -104,32 +105,29 @@ class Straddling:
             values = self.values(points)
             other = np.flatnonzero(values != values[:1])
             if len(other):
-                return points[[0, int(other[0])]]
-        return None
+                yield points[[0, int(other[0])]]
 
     def follow(self, plane: Plane, steps: int, random: np.random.Generator) -> FloatArray:
         """Return a straddle trajectory of impacts (phase, velocity), shape (steps, 2)."""
+        alpha = self.catalogue.parameters.alpha
         settled = sum(each.label != UNSETTLED for each in self.catalogue.attractors)
         if self.is_edge and settled < 2:
-            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: there is no boundary '
-                             f'of basins, as {counted(settled, "attractor")} is all that initial '
-                             'conditions reach; follow a transient with --transient')
+            raise ValueError(f'alpha = {alpha:g}: there is no boundary of basins, as '
+                             f'{counted(settled, "attractor")} is all that initial conditions '
+                             'reach; follow a transient with --transient')
+        choose = any_change if self.is_edge else longest_lived(FAR * self.tail)
+        points = np.zeros((0, 2))
         # After a loss, it goes on elsewhere.
-        parts, made = [np.zeros((0, 2))], 0
-        for _ in range(TRIES):
-            ends = self.segment(plane, random) if made < steps else None
-            if ends is None:
+        for ends in self.segments(plane, random):
+            points = np.concatenate([points, straddle(
+                ends, self.advance, self.values, choose, HEAD + steps - len(points), random)[
+                    HEAD:]])
+            if len(points) >= steps:
                 break
-            choose = any_change if self.is_edge else longest_lived(FAR * self.tail)
-            parts.append(straddle(ends, self.advance, self.values, choose, HEAD + steps - made,
-                                  random)[HEAD:])
-            made += len(parts[-1])
-        points = np.concatenate(parts)
         if not len(points):
-            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: random initial '
-                             'conditions show nothing to straddle; take another window or another '
-                             'alpha')
-        points[:, 0] %= 2.0 * math.pi
+            raise ValueError(f'alpha = {alpha:g}: random initial conditions show nothing to '
+                             'straddle; take another window or another alpha')
+        points[:, 0] %= TWO_PI
         return points
 
     @functools.cached_property
@@ -140,10 +138,9 @@ class Straddling:
     def orbits_near(self, points: FloatArray, orbits: tuple[Orbit, ...]
                     ) -> list[tuple[Orbit, int]]:
         """List the orbits that impacts come near all along, and how many are near each."""
-        apart = [distances(points[:, 1], points[:, 0], each.velocities[:, None],
-                           each.phases[:, None]) for each in orbits]
-        return [(orbit, int(np.sum(each < CLOSE))) for orbit, each in zip(
-            orbits, apart, strict=True) if np.all(np.min(each, axis=1, initial=math.inf) < NEAR)]
+        return [(orbit, int(np.sum(apart < CLOSE))) for orbit in orbits if np.all(np.min(
+            apart := distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
+                               orbit.phases[:, None]), axis=1, initial=math.inf) < NEAR)]
 
     def orbit_of(self, points: FloatArray) -> Orbit | None:
         """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
@@ -171,9 +168,8 @@ class Straddling:
         for _ in range(TRIES):
             # At rest there are no impacts.
             own = (inside[random.integers(len(inside))] if len(inside) else
-                   random.uniform([0.0, -1.0], [2.0 * math.pi, 1.0]))
-            ends = np.array([own, [random.uniform(0.0, 2.0 * math.pi),
-                                   own[1] * random.uniform(0.0, 2.0)]])
+                   random.uniform([0.0, -1.0], [TWO_PI, 1.0]))
+            ends = np.array([own, [1.0, own[1]] * random.uniform([0.0, 0.0], [TWO_PI, 2.0])])
             labels = self.values(ends)
             if labels[1] != attractor.label == labels[0]:
                 return straddle(ends, self.advance, lambda points: np.asarray(
@@ -184,14 +180,13 @@ class Straddling:
     @functools.cached_property
     def tail(self) -> int:
         """Impacts in which what has left the saddle settles on any attractor."""
-        tail = 0.0
+        restitution, tails = self.catalogue.parameters.restitution, [0.0]
         for each in self.catalogue.attractors:
-            if each.orbit and each.exponents[0] > -math.inf:
-                tail = max(tail, math.log(self.catalogue.tolerance) / each.exponents[0])
-            elif each.kind is Kind.RESTING and self.catalogue.parameters.restitution:
-                tail = max(tail, math.log(STICKING_SPEED)
-                           / math.log(self.catalogue.parameters.restitution))
-        return LEAVE + math.ceil(tail)
+            if each.orbit:
+                tails.append(math.log(self.catalogue.tolerance) / each.exponents[0])
+            elif each.kind is Kind.RESTING and 0.0 < restitution < 1.0:
+                tails.append(math.log(STICKING_SPEED) / math.log(restitution))
+        return LEAVE + math.ceil(max(tails))
 
     def sprinkle(self, points: FloatArray, count: int, random: np.random.Generator) -> FloatArray:
         """Return an `estimate` from one batch of initial conditions about impacts on a saddle."""

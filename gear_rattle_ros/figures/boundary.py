@@ -17,6 +17,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -46,24 +47,20 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     decided = sizes >= DECIDED
     for number, probe in enumerate(PROBES):
         cut, probes = (dataset[name].values[number] for name in ('cut', 'probes'))
-        some = (cut > 0) & decided
-        share = cut[some] / probes[some]
+        share, some = cut / np.maximum(probes, 1), decided & (cut > 0)
         colour, law = looks.ink(number), law_of(dataset, probe)
-        axes.errorbar(sizes[some], share, np.sqrt(share * (1.0 - share) / probes[some]), fmt='o',
-                      markersize=4, color=colour, mfc='white' if number else colour, label='box '
-                      'counting' if number else 'triplets')
+        axes.errorbar(sizes[some], share[some], np.sqrt(share * (1.0 - share) / np.maximum(
+            probes, 1))[some], fmt='o', markersize=4, color=colour, mfc='white' if number else
+            colour, label='box counting' if number else 'triplets')
         if law is not None:
             ends = np.array([law.low, law.high])
             axes.plot(ends, law.constant * ends**law.exponent, color=colour, linewidth=1.2,
                       label=f'exponent {law.exponent:.4f} ± {law.error:.4f}')
-    cut, probes = (dataset[name].values[0] for name in ('cut', 'probes'))
-    if np.any(~decided & (cut > 0)):
-        axes.axhline(float((cut / np.maximum(probes, 1))[~decided][0]), color=GREY, linestyle=':',
-                     label='triplets cut by rounding alone')
+        if probe == 'triplet' and share[-1] > 0.0:
+            axes.axhline(share[-1], color=GREY, linestyle=':',
+                         label='triplets cut by rounding alone')
     axes.set(xscale='log', yscale='log')
-    axes.set_xlabel('distance, edge of a box [1 and rad]', fontsize=12)
-    axes.set_ylabel('share that the boundary cuts', fontsize=12)
-    axes.legend(frameon=False, fontsize=11)
+    _finish(axes, 'distance, edge of a box [1 and rad]', 'share that the boundary cuts')
     right = LEFT + WIDE + 100
     axes = add_axes(figure, right, BOTTOM, WIDTH - right - 30, TALL)
     boxes = [each for each in entropies_of(dataset) if each.edge]
@@ -77,7 +74,11 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
                                (SMOOTH, ':', 'smooth boundary, discs')):
         axes.axhline(value, color=GREY, linestyle=line, linewidth=1.0, label=words)
     axes.set_ylim(0.0, None)
-    axes.set_xlabel('edge of a box [cells]', fontsize=12)
-    axes.set_ylabel('entropy [1]', fontsize=12)
-    axes.legend(frameon=False, fontsize=11, loc='lower right')
+    _finish(axes, 'edge of a box [cells]', 'entropy [1]', loc='lower right')
     return figure
+
+
+def _finish(axes: Axes, x: str, y: str, **legend: str) -> None:
+    axes.set_xlabel(x, fontsize=12)
+    axes.set_ylabel(y, fontsize=12)
+    axes.legend(frameon=False, fontsize=11, **legend)

@@ -56,7 +56,7 @@ TITLE: Final = 'Basin boundary of the gear-rattling model'
 DECIDED: Final = 1e-12
 ROUNDING: Final = 1e-15
 MOST: Final = 200_000  # probes at one distance
-ROWS: Final = 40  # parts of the grid
+ROWS: Final = 20  # of cells that are labelled together
 # Boxes and discs of the grid [cells], and the discs.
 EDGES: Final = (5, 10, 15, 20, 25)
 RADIUS: Final = 20
@@ -142,7 +142,9 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
         work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
                  pending, finished)
     if not store.has_table('label'):
-        _write_labels(store, plane, label, work)
+        store.write_table({'label': (('velocity', 'phase'), _label_cells(
+            known, plane, cap, work).astype('<i2'), named('attractor: attractor_label; -1 '
+            'unsettled, -2 and -3 at rest on the upper and lower wall, -4 between the walls'))})
     _write_results(store, plane, label, known, seed)
     attractors.write_attractors(store, known)
     return store
@@ -151,8 +153,9 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
 def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
     """Return the exponent and S_bb of a boundary, each with its error, coarsely; nan for none."""
     label = functools.partial(labels_of, known, plane.displacement, LIFETIMES_CAP)
-    grid = label_cells(label, dataclasses.replace(
-        plane, phases=COARSE_GRID, velocities=COARSE_GRID), 1, 0)
+    cells = dataclasses.replace(plane, phases=COARSE_GRID, velocities=COARSE_GRID)
+    grid = known.label(cells.cells(known.parameters, slice(None), slice(None)), LIFETIMES_CAP,
+                       threads=1)['label'].reshape(COARSE_GRID, COARSE_GRID)
     if np.ptp(grid) == 0:
         return (math.nan,) * 4
     *_, entropy, entropy_error = basin_entropies(grid, (COARSE_EDGE,))[0]
@@ -206,26 +209,15 @@ def entropies_of(dataset: Arrays) -> list[Entropy]:
                                          strict=True)]
 
 
-def label_cells(label: Label, plane: Plane, parts: int, part: int) -> IntArray:
-    """Label the rows of a part of a plane."""
-    velocities = np.array_split(plane.velocity_values(), parts)[part]
-    return label(np.tile(plane.phase_values(), len(velocities)),
-                 np.repeat(velocities, plane.phases)).reshape(-1, plane.phases)
-
-
-def _write_labels(store: Store, plane: Plane, label: Label, work: Work) -> None:
-    grid: dict[int, IntArray] = {}
-    parts = min(plane.velocities, ROWS)
+def _label_cells(known: Catalogue, plane: Plane, cap: int, work: Work) -> IntArray:
+    parts = []
     with work.report(f'{NAME}, grid', plane.phases * plane.velocities) as progress:
-        def finished(part: int, labels: IntArray) -> None:
-            grid[part] = labels
-            progress.add(labels.size)
-
-        work.run(functools.partial(label_cells, label, plane, parts), list(range(parts)), finished)
-    store.write_table({'label': (('velocity', 'phase'), np.concatenate(
-        [grid[part] for part in range(parts)]).astype('<i2'), named(
-        'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower wall, '
-        '-4 between the walls'))})
+        for first in range(0, plane.velocities, ROWS):
+            rows = slice(first, min(first + ROWS, plane.velocities))
+            parts.append(known.label(plane.cells(known.parameters, rows, slice(None)), cap,
+                                     threads=work.threads, cluster=work.cluster)['label'])
+            progress.add(len(parts[-1]))
+    return np.concatenate(parts).reshape(plane.velocities, plane.phases)
 
 
 def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, seed: int) -> None:

@@ -45,19 +45,18 @@ from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
 NAME: Final = 'saddle'
-# Independent batches, whose scatter gives the errors.
+# Independent batches, whose scatter gives the errors; impacts straddled, and initial conditions
+# sprinkled about them.
 PARTS: Final = 8
-# Impacts straddled, and initial conditions sprinkled about them.
 STRADDLED: Final = 2000
 SPRINKLED: Final = 20_000
-# Segments from each attractor to the boundary of its basin, and impacts of each that is straddled.
+# Segments from each attractor to the boundary of its basin, impacts of each that is straddled, and
+# orbits on the saddle that are listed, the shortest.
 RAYS: Final = 4
 REACHED: Final = 150
-# Orbits on the saddle that are listed, the shortest.
 LISTED: Final = 12
-# How near a trajectory is to the saddle [rad, 1].
+# How near a trajectory is to the saddle [rad, 1], and impacts of it that are compared at the most.
 NEAR: Final = 0.05
-# Impacts of a trajectory that are compared with the saddle at the most.
 COMPARED: Final = 4000
 
 # Rates in the order in which they are kept, and their words.
@@ -124,12 +123,13 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
 def _fill(straddling: Straddling, plane: Plane, seed: int, output: Path, tile: int) -> int:
     """Straddle and sprinkle one part into its tile; the impacts made are not counted."""
     store, random = Store(output), np.random.default_rng([seed, tile])
-    points = straddling.follow(plane, store.attrs['straddled'] // PARTS, random)
-    rows = np.full((2, store.attrs['straddled'] // PARTS), np.nan)
-    rows[:, :len(points)] = points.T
-    estimate = (np.full((2, len(QUANTITIES)), np.nan) if straddling.orbit_of(points) else
-                straddling.sprinkle(points, store.attrs['sprinkled'] // PARTS, random))
-    store.write(tile, {'phase': rows[:1], 'velocity': rows[1:], 'estimate': estimate[None]})
+    count = store.attrs['straddled'] // PARTS
+    points = straddling.follow(plane, count, random)
+    phase, velocity = np.full((2, 1, count), np.nan)
+    phase[0, :len(points)], velocity[0, :len(points)] = points.T
+    store.write(tile, {'phase': phase, 'velocity': velocity, 'estimate': (
+        np.full((1, 2, len(QUANTITIES)), np.nan) if straddling.orbit_of(points) else
+        straddling.sprinkle(points, store.attrs['sprinkled'] // PARTS, random)[None])})
     return 0
 
 
@@ -144,7 +144,7 @@ def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
     orbit = straddling.orbit_of(points)
     rates = straddling.rates(points, lambda: store.read_all('estimate'))
     found = [('', *near) for near in straddling.orbits_near(
-        points, (orbit,) if orbit else straddling.unstable)[:LISTED]]
+        points, (orbit,) if orbit else straddling.unstable) if near[1]][:LISTED]
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
         rays = np.concatenate([straddling.accessible(each, REACHED, random)
                                for _ in range(RAYS)])
@@ -188,11 +188,11 @@ def _lifetime(straddling: Straddling, initial: RecordArray) -> int:
 def _compare(straddling: Straddling, points: FloatArray, initial: RecordArray, lifetime: int
              ) -> dict[str, Any]:
     """Compare the transient of one trajectory with the saddle on which impacts lie."""
-    stays = lifetime - straddling.tail
-    grown = straddling.growths(initial, min(stays, COMPARED))[0, HEAD:]
+    count = min(lifetime - straddling.tail, COMPARED)
+    grown = straddling.growths(initial, count)[0, HEAD:]
     batches = np.array([part.mean(axis=0) for part in np.array_split(grown, PARTS)])
-    rows, _ = record_impacts(initial, HEAD, min(stays, COMPARED) - HEAD)
-    apart = [float(np.min(distances(points[:, 1], points[:, 0], one['velocity'], one['phase'])))
+    rows, _ = record_impacts(initial, HEAD, count - HEAD)
+    apart = [np.min(distances(points[:, 1], points[:, 0], one['velocity'], one['phase']))
              for one in rows[0]]
     return {'transient': lifetime, 'transient_near': float(np.mean(np.less(apart, NEAR))),
             'transient_exponents': batches.mean(axis=0).tolist(),
@@ -202,30 +202,31 @@ def _compare(straddling: Straddling, points: FloatArray, initial: RecordArray, l
 def describe(dataset: Arrays) -> str:
     """Put a saddle in words: what it is, its rates, the orbits on it."""
     a = dataset.attrs
-    rates = {str(name): (float(value), float(error)) for name, value, error in zip(
-        *(dataset[f'rate_{name}'].values for name in ('name', 'value', 'error')), strict=True)}
     what = ('the chaotic saddle of the transient' if a['straddles'] == 'lifetimes' else
             'the boundary of the basins')
-    lines = [f'{what} holds the orbit {a["is_orbit"]} alone' if a['is_orbit'] else
-             f'{what} holds a chaotic saddle' * (a['straddles'] == 'labels') or what]
-    if not a['is_orbit']:
-        lines[0] += (f': {counted(a["escapes"], "escape")}, '
-                     f'{counted(a["impacts"], "impact")} near it')
+    keys, sides, *others = (dataset[f'orbit_{name}'].values.tolist() for name in (
+        'key', 'side', 'impacts', 'multiplier', 'near'))
+    if a['is_orbit']:
+        lines = [f'{what} holds the orbit {a["is_orbit"]}' + ' alone' * (
+            {*keys} == {a['is_orbit']})]
+    else:
+        lines = [f'{what}{" holds a chaotic saddle" * (a["straddles"] == "labels")}: '
+                 f'{counted(a["escapes"], "escape")}, {counted(a["impacts"], "impact")} near it']
     lines.append(in_columns(['rate', '', 'value [1]'], [
-        [words, name, with_error(*rates[name])]
-        for name, words in RATES.items()]))
+        [words, name, with_error(value, error)] for (name, words), value, error in zip(
+            RATES.items(), *(dataset[f'rate_{name}'].values for name in ('value', 'error')),
+            strict=True)]))
     if 'transient' in a:
         one, two = zip(a['transient_exponents'], a['transient_errors'], strict=True)
         lines.append(f'transient of {counted(a["transient"], "impact")}: exponents '
                      f'{with_error(*one)} and {with_error(*two)}; '
                      f'{a["transient_near"]:.1%} of its impacts are within {NEAR} of the saddle')
-    rows = [[f'accessible from {side}' if side else 'on it', key, str(q),
-             f'{pair[0]:+.5g} {pair[1]:+.5g}', str(near)]
-            for key, side, q, pair, near in zip(*(dataset[f'orbit_{name}'].values for name in (
-                'key', 'side', 'impacts', 'multiplier', 'near')), strict=True)]
-    if rows:
-        lines.append(in_columns(['orbit', 'key', ' impacts', 'multipliers', ' straddled near it'],
-                                rows))
+    if keys:
+        lines.append(in_columns(
+            ['orbit', 'key', ' impacts', 'multipliers', ' straddled near it'],
+            [[f'accessible from {side}' if side else 'on it', key, str(q),
+              f'{pair[0]:+.5g} {pair[1]:+.5g}', str(near)]
+             for key, side, q, pair, near in zip(keys, sides, *others, strict=True)]))
     return describe_attractors(dataset, beside='\n'.join(lines))
 
 

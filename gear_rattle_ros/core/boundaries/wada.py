@@ -27,7 +27,7 @@ Mask = npt.NDArray[np.bool_]
 
 def merge_basins(labels: IntArray, basins: list[int], reach: int) -> list[float]:
     """
-    Compare the boundaries of each basin against all others together: they are one where it is Wada.
+    Compare the boundaries of each basin against all others together: of Wada's they are one.
 
     Element r is the least share of one of these boundaries that has every other one within r
     cells, for r up to `reach` or until it is 1. There is none for fewer than three basins.
@@ -63,9 +63,11 @@ def refine_boundary(label: Label, window: Window, labels: IntArray, basins: list
     if len(basins) < 3:
         return []
     # Row and column of the first cell, and the step to the other.
-    pairs = np.concatenate([np.insert(np.argwhere(
-        (a != b) & np.isin(a, basins) & np.isin(b, basins)), [2, 2], step, axis=1) for a, b, step in (
-            (labels[:, :-1], labels[:, 1:], [0, 1]), (labels[:-1], labels[1:], [1, 0]))])
+    pairs = np.concatenate([
+        np.insert(np.argwhere((a != b) & np.isin(a, basins) & np.isin(b, basins)), [2, 2], step,
+                  axis=1)
+        for a, b, step in ((labels[:, :-1], labels[:, 1:], [0, 1]),
+                           (labels[:-1], labels[1:], [1, 0]))])
     cells, steps = np.split(pairs[rng.permutation(len(pairs))[:most]], 2, axis=1)
     seen = np.any([labels[tuple(ends.T)][:, None] == basins for ends in (cells, cells + steps)],
                   axis=0)
@@ -74,8 +76,8 @@ def refine_boundary(label: Label, window: Window, labels: IntArray, basins: list
         left = np.flatnonzero(~seen.all(axis=1))
         if q and len(left):
             between = (2.0 * np.arange(2**(q - 1)) + 1.0) / 2**q
-            y, x = (low + (high - low) * (cells[left, k, None] + steps[left, k, None] * between
-                                          + 0.5) / labels.shape[k]
+            at = cells[left, None] + steps[left, None] * between[:, None] + 0.5
+            y, x = (low + (high - low) * at[..., k] / labels.shape[k]
                     for k, (low, high) in enumerate(window[::-1]))
             new = label(x.ravel(), y.ravel()).reshape(x.shape)
             seen[left] |= (new[..., None] == basins).any(axis=1)
