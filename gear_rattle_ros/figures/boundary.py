@@ -17,7 +17,6 @@
 import math
 from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -47,7 +46,7 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     decided = sizes >= DECIDED
     for number, probe in enumerate(PROBES):
         cut, probes = (dataset[name].values[number] for name in ('cut', 'probes'))
-        share, some = cut / np.maximum(probes, 1), decided & (cut > 0)
+        share, some = cut / np.maximum(probes, 1), (cut > 0) & decided
         colour, law = looks.ink(number), law_of(dataset, probe)
         axes.errorbar(sizes[some], share[some], np.sqrt(share * (1.0 - share) / np.maximum(
             probes, 1))[some], fmt='o', markersize=4, color=colour, mfc='white' if number else
@@ -60,7 +59,9 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
             axes.axhline(share[-1], color=GREY, linestyle=':',
                          label='triplets cut by rounding alone')
     axes.set(xscale='log', yscale='log')
-    _finish(axes, 'distance, edge of a box [1 and rad]', 'share that the boundary cuts')
+    axes.set_xlabel('distance, edge of a box [1 and rad]', fontsize=12)
+    axes.set_ylabel('share that the boundary cuts', fontsize=12)
+    axes.legend(frameon=False, fontsize=11)
     right = LEFT + WIDE + 100
     axes = add_axes(figure, right, BOTTOM, WIDTH - right - 30, TALL)
     boxes = [each for each in entropies_of(dataset) if each.edge]
@@ -74,11 +75,7 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
                                (SMOOTH, ':', 'smooth boundary, discs')):
         axes.axhline(value, color=GREY, linestyle=line, linewidth=1.0, label=words)
     axes.set_ylim(0.0, None)
-    _finish(axes, 'edge of a box [cells]', 'entropy [1]', loc='lower right')
+    axes.set_xlabel('edge of a box [cells]', fontsize=12)
+    axes.set_ylabel('entropy [1]', fontsize=12)
+    axes.legend(frameon=False, fontsize=11, loc='lower right')
     return figure
-
-
-def _finish(axes: Axes, x: str, y: str, **legend: str) -> None:
-    axes.set_xlabel(x, fontsize=12)
-    axes.set_ylabel(y, fontsize=12)
-    axes.legend(frameon=False, fontsize=11, **legend)

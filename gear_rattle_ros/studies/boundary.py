@@ -289,9 +289,10 @@ def describe(dataset: Arrays) -> str:
     if any(each.exceeds_ln_2 for each in entropies):
         lines.append('S_bb exceeds ln 2: the boundary is fractal')
     radius, mean, error = dataset['disc'].values.tolist()
-    lines.append(f'discs of radius {radius:g} cells: {mean:.4f} +- {error:.4f}, a smooth boundary '
-                 f'has {SMOOTH:.4f}: the boundary '
-                 f'{"may be" if is_smooth(mean, error, radius) else "is not"} smooth')
+    if math.isfinite(mean):
+        lines.append(f'discs of radius {radius:g} cells: {mean:.4f} +- {error:.4f}, a smooth '
+                     f'boundary has {SMOOTH:.4f}: the boundary '
+                     f'{"may be" if is_smooth(mean, error, radius) else "is not"} smooth')
     merging, refinement = (dataset[name].values for name in ('merging', 'refinement'))
     if not len(merging):
         lines.append('Wada: needs three basins')

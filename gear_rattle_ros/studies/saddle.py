@@ -233,7 +233,7 @@ def describe(dataset: Arrays) -> str:
 def with_error(value: float, error: float) -> str:
     """Write a value to the second digit of its error, or to ten digits where it is exact."""
     digits = 1 - math.floor(math.log10(error)) if error > 0.0 else 10
-    return f'{value:.{digits}f} +- {error:.{digits}f}' if error > 0.0 else f'{value:.{digits}f}'
+    return f'{value:.{digits}f}' + f' +- {error:.{digits}f}' * (error > 0.0)
 
 
 def _layout(identity: dict[str, Any]) -> Layout:

@@ -99,6 +99,9 @@ def test_where_there_is_no_boundary():
     assert not dataset['cut'].values.any()
     assert [law_of(dataset, probe) for probe in PROBES] == [None, None]
     assert np.isnan(dataset['exponent'].values).all()
+    # Where no disc has several labels, nothing is said of them.
+    dataset['label'][0, 0] = 1 - dataset['label'][0, 0]
+    assert 'smooth' not in describe(dataset)
 
 
 def test_where_areas_are_preserved_nothing_settles():

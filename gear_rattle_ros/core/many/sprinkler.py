@@ -28,8 +28,6 @@ import numpy.typing as npt
 
 from .escape import escape_rate
 from ..arrays import FloatArray, IntArray
-from ..compiled import kernel
-from ..flight.elementary import length, logarithm
 
 # By this factor both cuts are widened to see what the result owes to them.
 WIDER: Final = 1.25
@@ -77,23 +75,16 @@ class SaddleRates:
         return kappa / mean, self.dimension_1[1] * growth / mean
 
 
-@kernel
 def growths(matrices: FloatArray) -> FloatArray:
     """Return the logarithms by which two directions grow at each step of rows of matrices."""
-    # Shape (rows, steps, 2, 2); Gram-Schmidt at each step.
-    rows, steps = matrices.shape[:2]
-    result = np.zeros((rows, steps, 2))
-    for i in range(rows):
-        # A direction that no map prefers.
-        a, b = 0.6, 0.8
-        for k in range(steps):
-            m = matrices[i, k]
-            c, d = m[0, 0] * a + m[0, 1] * b, m[1, 0] * a + m[1, 1] * b
-            size = length(c, d)
-            area = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
-            result[i, k, 0] = logarithm(size)
-            result[i, k, 1] = logarithm(area) - result[i, k, 0]
-            a, b = c / size, d / size
+    # Shape (rows, steps, 2, 2); Gram-Schmidt at each step, from a direction that no map prefers.
+    result, direction = np.zeros(matrices.shape[:3]), np.full((len(matrices), 2), (0.6, 0.8))
+    for k in range(matrices.shape[1]):
+        direction = np.einsum('nij,nj->ni', matrices[:, k], direction)
+        size = np.hypot(*direction.T)
+        result[:, k, 0] = np.log(size)
+        direction /= size[:, None]
+    result[:, :, 1] = np.log(np.abs(np.linalg.det(matrices))) - result[:, :, 0]
     return result
 
 
