@@ -132,7 +132,7 @@ class Straddling:
 
     @functools.cached_property
     def unstable(self) -> tuple[Orbit, ...]:
-        """The short orbits that attract nothing."""
+        """Short orbits that attract nothing."""
         return find_orbits(self.catalogue.parameters, LONGEST, most=SOUGHT).unstable
 
     def orbits_near(self, points: FloatArray, orbits: tuple[Orbit, ...]

@@ -73,8 +73,6 @@ COARSE: Final = (1e-8, 1e-2)
 COARSE_ERROR: Final = 0.1
 COARSE_GRID: Final = 150
 COARSE_EDGE: Final = 6
-
-
 # What the tables of the dataset have: the fields of Entropy, then the rates of the saddle.
 ENTROPY: Final = {
     'entropy_edge': 'cells along the edge of a box; 0 for infinitely many, by extrapolation',
@@ -134,17 +132,21 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
         NAME, parameters, plane, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, size=[plane.phases, plane.velocities],
         per_decade=per_decade, error=error)))
+    if not store.pending() and store.has_table('saddle_exponent'):
+        return store
     known = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
-        hold=hold, threads=work.threads)
+        hold=hold, threads=work.threads, cluster=work.cluster)
     label = functools.partial(labels_of, known, plane.displacement, cap)
     with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
         work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
                  pending, finished)
     if not store.has_table('label'):
-        store.write_table({'label': (('velocity', 'phase'), _label_cells(
-            known, plane, cap, work).astype('<i2'), named('attractor: attractor_label; -1 '
-            'unsettled, -2 and -3 at rest on the upper and lower wall, -4 between the walls'))})
+        grid = _label_cells(known, plane, cap, work).astype('<i2')
+        store.write_table({'label': (('velocity', 'phase'), grid, named(
+            'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower '
+            'wall, -4 between the walls'))})
+    attractors.write_attractors(store, known)
     _write_results(store, plane, label, known, seed)
     attractors.write_attractors(store, known)
     return store
@@ -221,7 +223,7 @@ def _label_cells(known: Catalogue, plane: Plane, cap: int, work: Work) -> IntArr
 
 
 def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, seed: int) -> None:
-    """Write what follows from the probes and the cells, the saddle, and the attractors."""
+    """Write what follows from the probes and the cells, and the rates of the saddle."""
     laws = [law_of(store, probe) for probe in PROBES]
     grid = np.asarray(store.read_all('label'), np.int64)
     small = min(grid.shape) // PARTS
@@ -257,7 +259,6 @@ def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, s
           for (name, words), value in zip(SADDLE.items(), saddle, strict=True)))
     store.write_table({name: (dimensions, values, named(words))
                        for name, dimensions, values, words in columns})
-    attractors.write_attractors(store, known)
 
 
 def describe(dataset: Arrays) -> str:

@@ -154,6 +154,8 @@ def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
     hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
     values, errors = zip(rates.kappa, rates.lambda_1, rates.lambda_2, rates.dimension_1,
                          rates.dimension_2, rates.exponent, strict=True)
+    store.set_attributes({'is_orbit': orbit.key if orbit else '', 'escapes': rates.escapes,
+                          'impacts': rates.impacts})
     store.write_table({name: ((name.rsplit('_', 1)[0], 'pair')[:np.ndim(column)],
                               np.array(column), named(words, units))
                        for name, column, words, units in (
@@ -171,8 +173,6 @@ def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
         ('orbit_point_velocity', hits[:, 1], 'velocity before them', '1'),
         ('orbit_point_number', np.repeat(np.arange(len(orbits)), [
             one.impacts for one in orbits]), 'orbit of the point', '1'))})
-    store.set_attributes({'is_orbit': orbit.key if orbit else '', 'escapes': rates.escapes,
-                          'impacts': rates.impacts})
 
 
 def _lifetime(straddling: Straddling, initial: RecordArray) -> int:
@@ -233,7 +233,7 @@ def describe(dataset: Arrays) -> str:
 def with_error(value: float, error: float) -> str:
     """Write a value to the second digit of its error, or to ten digits where it is exact."""
     digits = 1 - math.floor(math.log10(error)) if error > 0.0 else 10
-    return f'{value:.{digits}f}' + f' +- {error:.{digits}f}' * (error > 0.0)
+    return f'{value:.{digits}f} +- {error:.{digits}f}' if error > 0.0 else f'{value:.{digits}f}'
 
 
 def _layout(identity: dict[str, Any]) -> Layout:
