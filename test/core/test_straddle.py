@@ -126,6 +126,12 @@ def test_none_that_stays_gives_no_rates() -> None:
     assert found.kappa[0] == pytest.approx(0.1)
     assert found.kappa[1] == pytest.approx(
         0.1 / math.sqrt(-math.expm1(-0.1) * 5000.0), rel=0.01)
+    # Where none escapes, one might have.
+    batches[:] = [0.0, 0.5, -1.0, 0.2, 1000.0, 500.0]
+    found = rates_of(batches)
+    assert found.kappa == (0.0, pytest.approx(1.0 / 8000.0))
+    assert found.exponent == (0.0, pytest.approx(1.0 / 8000.0 / 0.5))
+    assert found.dimension_1[0] == 1.0
 
 
 def henon(points: FloatArray, a: float = 2.0) -> FloatArray:

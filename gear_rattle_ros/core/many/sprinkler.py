@@ -67,7 +67,7 @@ class SaddleRates:
 
     @property
     def exponent(self) -> Estimate:
-        """Uncertainty exponent of the boundary [1], 2 less its box dimension."""
+        """Uncertainty exponent of the boundary, 2 minus its box dimension [1]."""
         # The root of the pressure, ``mean(stretch^a) = e^kappa``, to the second cumulant. Where
         # all stretch alike it is ``kappa / lambda_1``.
         kappa, growth = self.kappa[0], self.lambda_1[0]
