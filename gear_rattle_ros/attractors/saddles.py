@@ -23,7 +23,6 @@ from typing import Final
 import numpy as np
 
 from .catalogue import Attractor, Catalogue, follow_here, Kind
-from .orbits import find_orbits
 from .plane import Plane
 from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
@@ -44,10 +43,7 @@ DRAWN: Final = 64
 TRIES: Final = 64
 # Images whose flights differ by more than this lie on both sides of a grazing [1].
 TOGETHER: Final = 0.1
-# The orbits that are sought [impacts], from so many points of the section; how near impacts are to
-# an orbit [rad, 1].
-LONGEST: Final = 8
-SOUGHT: Final = 2048
+# How near impacts are to an orbit [rad, 1].
 CLOSE: Final = 0.01
 # A straddle trajectory that has come to an orbit, of at most so many impacts, comes back as near
 # in this share of the steps.
@@ -129,11 +125,6 @@ class Straddling:
                              'straddle; take another window or another alpha')
         points[:, 0] %= TWO_PI
         return points
-
-    @functools.cached_property
-    def unstable(self) -> tuple[Orbit, ...]:
-        """Short orbits that attract nothing."""
-        return find_orbits(self.catalogue.parameters, LONGEST, most=SOUGHT).unstable
 
     def orbits_near(self, points: FloatArray, orbits: tuple[Orbit, ...]
                     ) -> list[tuple[Orbit, int]]:

@@ -31,6 +31,7 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
+from ..attractors.orbits import find_orbits
 from ..attractors.plane import initial_condition, Plane
 from ..attractors.saddles import HEAD, Straddling
 from ..core.arrays import FloatArray, RecordArray
@@ -55,6 +56,9 @@ SPRINKLED: Final = 20_000
 RAYS: Final = 4
 REACHED: Final = 150
 LISTED: Final = 12
+# The orbits that are sought [impacts], from so many points of the section.
+LONGEST: Final = 8
+SOUGHT: Final = 2048
 # How near a trajectory is to the saddle [rad, 1], and impacts of it that are compared at the most.
 NEAR: Final = 0.05
 COMPARED: Final = 4000
@@ -114,7 +118,7 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
     with work.pending(NAME, store, lambda tile: 1) as (tiles, finished):
         work.run(functools.partial(_fill, straddling, plane, seed, store.path), tiles, finished)
     write_attractors(store, straddling.catalogue)
-    _write_results(store, straddling, seed)
+    _write_results(store, straddling, work, seed)
     if initial:
         store.set_attributes(_compare(straddling, _straddled(store), alone, lifetime))
     return store
@@ -138,17 +142,19 @@ def _straddled(store: Store) -> FloatArray:
     return points[np.isfinite(points[:, 0])]
 
 
-def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
+def _write_results(store: Store, straddling: Straddling, work: Work, seed: int) -> None:
     """Write the rates, and the orbits, of a store whose parts are complete."""
     points, random = _straddled(store), np.random.default_rng([seed, PARTS])
+    unstable = find_orbits(straddling.catalogue.parameters, LONGEST, most=SOUGHT,
+                           threads=work.threads, cluster=work.cluster).unstable
     orbit = straddling.orbit_of(points)
     rates = straddling.rates(points, lambda: store.read_all('estimate'))
     found = [('', *near) for near in straddling.orbits_near(
-        points, (orbit,) if orbit else straddling.unstable) if near[1]][:LISTED]
+        points, (orbit,) if orbit else unstable) if near[1]][:LISTED]
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
         rays = np.concatenate([straddling.accessible(each, REACHED, random)
                                for _ in range(RAYS)])
-        near = straddling.orbits_near(rays, straddling.unstable)
+        near = straddling.orbits_near(rays, unstable)
         found += [(each.key, *max(near, key=lambda one: one[1] / one[0].impacts))] if near else []
     orbits = [one for _, one, _ in found]
     hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
