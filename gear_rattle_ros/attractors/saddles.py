@@ -14,6 +14,7 @@
 
 """Edge states and chaotic saddles of the gear, by straddling what the catalogue labels."""
 
+from collections.abc import Callable, Iterator
 import dataclasses
 import functools
 import math
@@ -25,20 +26,15 @@ from .catalogue import Attractor, Catalogue, follow_here, Kind
 from .plane import Plane
 from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
+from ..core.flight.elementary import TWO_PI
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RESULT, UNSETTLED
-from ..core.many.sprinkler import estimate, growths, SaddleRates
+from ..core.many.sprinkler import estimate, growths, rates_of, SaddleRates
 from ..core.model import STICKING_SPEED
 from ..core.orbits.impact_map import map_points
 from ..core.orbits.orbit import close_orbit, NEAR, Orbit
 from ..core.orbits.section import distances, turn
-from ..core.orbits.straddle import (
-    any_change,
-    FINE,
-    first_change,
-    longest_lived,
-    straddle,
-)
+from ..core.orbits.straddle import any_change, FINE, first_change, longest_lived, straddle
 from ..core.words import counted
 
 # Impacts for which initial conditions are followed to the section, and how many are drawn at once.
@@ -47,14 +43,11 @@ DRAWN: Final = 64
 TRIES: Final = 64
 # Images whose flights differ by more than this lie on both sides of a grazing [1].
 TOGETHER: Final = 0.1
-# Longest orbits that are recognised on a saddle [impacts].
-LONGEST: Final = 12
-# Close returns at each period that are tried, and orbits on a saddle that are enough.
-SEEDS: Final = 12
-LISTED: Final = 12
-# Impacts as near as this are near an orbit [rad, 1].
+# How near impacts are to an orbit [rad, 1].
 CLOSE: Final = 0.01
-# Of a straddle trajectory that has come to an orbit, this share of the steps is near it.
+# A straddle trajectory that has come to an orbit, of at most so many impacts, comes back as near
+# in this share of the steps.
+RETURNS: Final = 64
 SETTLED: Final = 0.5
 # Impacts after which a sprinkled trajectory is near the saddle, half the edge of the squares about
 # its points in which they are sprinkled [rad, 1], and the rows of growth at the most.
@@ -62,9 +55,9 @@ HEAD: Final = 15
 SPREAD: Final = 0.01
 FOLLOWED: Final = 1000
 ROW: Final = 400
-# Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge.
+# Impacts by which a trajectory that leaves is away from the saddle, before it begins to converge;
+# lifetimes are told apart up to this many times those of what leaves at once.
 LEAVE: Final = 20
-# Lifetimes are told apart up to this many times those of what leaves at once.
 FAR: Final = 4
 
 
@@ -77,10 +70,10 @@ class Straddling:
     cap: int  # impacts after which a point is given up
 
     def results(self, points: FloatArray, cap: int) -> RecordArray:
-        """Return the RESULT of impacts (phase, velocity before)."""
+        """Return the RESULT of impacts (phase, velocity before them)."""
         results = np.zeros(len(points), RESULT)
-        follow_here(initial_after(self.catalogue.parameters, points[:, 0], points[:, 1]),
-                    cap, self.catalogue.table, results)
+        follow_here(initial_after(self.catalogue.parameters, *points.T), cap,
+                    self.catalogue.table, results)
         return results
 
     def values(self, points: FloatArray) -> IntArray:
@@ -96,8 +89,8 @@ class Straddling:
         images[:, 0] = images[0, 0] + turn(images[:, 0] - images[0, 0])
         return images
 
-    def segment(self, plane: Plane, random: np.random.Generator) -> FloatArray | None:
-        """Draw two impacts at one wall of different values; None where there are none."""
+    def segments(self, plane: Plane, random: np.random.Generator) -> Iterator[FloatArray]:
+        """Draw pairs of impacts at one wall of different values."""
         for _ in range(TRIES):
             initial = plane.draw(self.catalogue.parameters, DRAWN, int(random.integers(1 << 31)))
             rows, made = record_impacts(initial, ARRIVE, 1)
@@ -108,58 +101,56 @@ class Straddling:
             values = self.values(points)
             other = np.flatnonzero(values != values[:1])
             if len(other):
-                return points[[0, int(other[0])]]
-        return None
+                yield points[[0, int(other[0])]]
 
     def follow(self, plane: Plane, steps: int, random: np.random.Generator) -> FloatArray:
         """Return a straddle trajectory of impacts (phase, velocity), shape (steps, 2)."""
+        alpha = self.catalogue.parameters.alpha
         settled = sum(each.label != UNSETTLED for each in self.catalogue.attractors)
         if self.is_edge and settled < 2:
-            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: there is no boundary '
-                             f'of basins, as {counted(settled, "attractor")} is all that initial '
-                             'conditions reach; follow a transient with --transient')
+            raise ValueError(f'alpha = {alpha:g}: there is no boundary of basins, as '
+                             f'{counted(settled, "attractor")} is all that initial conditions '
+                             'reach; follow a transient with --transient')
+        choose = any_change if self.is_edge else longest_lived(FAR * self.tail)
+        points = np.zeros((0, 2))
         # After a loss, it goes on elsewhere.
-        parts, made = [np.zeros((0, 2))], 0
-        for _ in range(TRIES):
-            ends = self.segment(plane, random) if made < steps else None
-            if ends is None:
+        for ends in self.segments(plane, random):
+            points = np.concatenate([points, straddle(
+                ends, self.advance, self.values, choose, HEAD + steps - len(points), random)[
+                    HEAD:]])
+            if len(points) >= steps:
                 break
-            choose = any_change if self.is_edge else longest_lived(FAR * self.tail)
-            parts.append(straddle(ends, self.advance, self.values, choose, HEAD + steps - made,
-                                  random)[HEAD:])
-            made += len(parts[-1])
-        points = np.concatenate(parts)
         if not len(points):
-            raise ValueError(f'alpha = {self.catalogue.parameters.alpha:g}: random initial '
-                             'conditions show nothing to straddle; take another window or another '
-                             'alpha')
-        points[:, 0] %= 2.0 * math.pi
+            raise ValueError(f'alpha = {alpha:g}: random initial conditions show nothing to '
+                             'straddle; take another window or another alpha')
+        points[:, 0] %= TWO_PI
         return points
 
-    def orbits_near(self, points: FloatArray) -> list[tuple[Orbit, int]]:
-        """Find the saddle orbits that close returns show, and how many impacts are near each."""
-        found: dict[str, tuple[Orbit, int]] = {}
-        for q in range(1, LONGEST + 1):
-            back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
-            for k in np.argsort(back)[:SEEDS].tolist():
-                walls = np.signbit(points[k:k + q, 1]).astype(np.int64)
-                orbit = close_orbit(walls, points[k:k + q], self.catalogue.parameters,
-                                    NEAR) if back[k] < NEAR else None
-                if orbit is None or orbit.is_stable:
-                    continue
-                apart = distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
-                                  orbit.phases[:, None])
-                # All of it, as a seed may lead elsewhere.
-                if np.all(np.min(apart, axis=1) < NEAR):
-                    found[orbit.key] = orbit.canonical(), int(np.sum(apart < CLOSE))
-            if len(found) >= LISTED:
-                break
-        return list(found.values())
+    def orbits_near(self, points: FloatArray, orbits: tuple[Orbit, ...]
+                    ) -> list[tuple[Orbit, int]]:
+        """List the orbits that impacts come near all along, and how many are near each."""
+        return [(orbit, int(np.sum(apart < CLOSE))) for orbit in orbits if np.all(np.min(
+            apart := distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
+                               orbit.phases[:, None]), axis=1, initial=math.inf) < NEAR)]
 
     def orbit_of(self, points: FloatArray) -> Orbit | None:
         """Return the orbit on which a straddle trajectory stays; None where it stays on none."""
-        return next((orbit for orbit, count in self.orbits_near(points)
-                     if count >= SETTLED * len(points)), None)
+        for q in range(1, min(RETURNS, len(points) // 2)):
+            back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
+            if np.mean(back < CLOSE) >= SETTLED:
+                ring = points[np.argmin(back):][:q]
+                orbit = close_orbit(np.signbit(ring[:, 1]).astype(np.int64), ring,
+                                    self.catalogue.parameters, NEAR)
+                return orbit.canonical() if orbit and not orbit.is_stable else None
+        return None
+
+    def rates(self, points: FloatArray, estimates: Callable[[], FloatArray]) -> SaddleRates:
+        """Return the rates of what a straddle trajectory lies on, exact where it is one orbit."""
+        orbit = self.orbit_of(points)
+        if orbit is None:
+            return rates_of(estimates())
+        one, two = ((exponent, 0.0) for exponent in orbit.exponents)
+        return SaddleRates(one, one, two, impacts=orbit.impacts)
 
     def accessible(self, attractor: Attractor, steps: int, random: np.random.Generator
                    ) -> FloatArray:
@@ -168,9 +159,8 @@ class Straddling:
         for _ in range(TRIES):
             # At rest there are no impacts.
             own = (inside[random.integers(len(inside))] if len(inside) else
-                   random.uniform([0.0, -1.0], [2.0 * math.pi, 1.0]))
-            ends = np.array([own, [random.uniform(0.0, 2.0 * math.pi),
-                                   own[1] * random.uniform(0.0, 2.0)]])
+                   random.uniform([0.0, -1.0], [TWO_PI, 1.0]))
+            ends = np.array([own, [1.0, own[1]] * random.uniform([0.0, 0.0], [TWO_PI, 2.0])])
             labels = self.values(ends)
             if labels[1] != attractor.label == labels[0]:
                 return straddle(ends, self.advance, lambda points: np.asarray(
@@ -181,14 +171,13 @@ class Straddling:
     @functools.cached_property
     def tail(self) -> int:
         """Impacts in which what has left the saddle settles on any attractor."""
-        tail = 0.0
+        restitution, tails = self.catalogue.parameters.restitution, [0.0]
         for each in self.catalogue.attractors:
-            if each.orbit and each.exponents[0] > -math.inf:
-                tail = max(tail, math.log(self.catalogue.tolerance) / each.exponents[0])
-            elif each.kind is Kind.RESTING and self.catalogue.parameters.restitution:
-                tail = max(tail, math.log(STICKING_SPEED)
-                           / math.log(self.catalogue.parameters.restitution))
-        return LEAVE + math.ceil(tail)
+            if each.orbit:
+                tails.append(math.log(self.catalogue.tolerance) / each.exponents[0])
+            elif each.kind is Kind.RESTING and 0.0 < restitution < 1.0:
+                tails.append(math.log(STICKING_SPEED) / math.log(restitution))
+        return LEAVE + math.ceil(max(tails))
 
     def sprinkle(self, points: FloatArray, count: int, random: np.random.Generator) -> FloatArray:
         """Return an `estimate` from one batch of initial conditions about impacts on a saddle."""
@@ -210,9 +199,3 @@ class Straddling:
         _, matrices, _, _ = map_points(np.column_stack(
             [rows['phase'].ravel(), rows['velocity'].ravel()]), self.catalogue.parameters.model)
         return growths(matrices.reshape(-1, steps, 2, 2))
-
-
-def rates_of_orbit(orbit: Orbit) -> SaddleRates:
-    """Return the rates of a saddle that is one orbit: exact, and nothing but it stays."""
-    one, two = orbit.exponents
-    return SaddleRates(one, 0.0, one, 0.0, two, 0.0, impacts=orbit.impacts)

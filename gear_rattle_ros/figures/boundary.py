@@ -46,20 +46,18 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     decided = sizes >= DECIDED
     for number, probe in enumerate(PROBES):
         cut, probes = (dataset[name].values[number] for name in ('cut', 'probes'))
-        some = (cut > 0) & decided
-        share = cut[some] / probes[some]
+        share, some = cut / np.maximum(probes, 1), (cut > 0) & decided
         colour, law = looks.ink(number), law_of(dataset, probe)
-        axes.errorbar(sizes[some], share, np.sqrt(share * (1.0 - share) / probes[some]), fmt='o',
-                      markersize=4, color=colour, mfc='white' if number else colour, label='box '
-                      'counting' if number else 'triplets')
+        axes.errorbar(sizes[some], share[some], np.sqrt(share * (1.0 - share) / np.maximum(
+            probes, 1))[some], fmt='o', markersize=4, color=colour, mfc='white' if number else
+            colour, label='box counting' if number else 'triplets')
         if law is not None:
             ends = np.array([law.low, law.high])
             axes.plot(ends, law.constant * ends**law.exponent, color=colour, linewidth=1.2,
                       label=f'exponent {law.exponent:.4f} ± {law.error:.4f}')
-    cut, probes = (dataset[name].values[0] for name in ('cut', 'probes'))
-    if np.any(~decided & (cut > 0)):
-        axes.axhline(float((cut / np.maximum(probes, 1))[~decided][0]), color=GREY, linestyle=':',
-                     label='triplets cut by rounding alone')
+        if probe == 'triplet' and share[-1] > 0.0:
+            axes.axhline(share[-1], color=GREY, linestyle=':',
+                         label='triplets cut by rounding alone')
     axes.set(xscale='log', yscale='log')
     axes.set_xlabel('distance, edge of a box [1 and rad]', fontsize=12)
     axes.set_ylabel('share that the boundary cuts', fontsize=12)

@@ -19,7 +19,7 @@ import dataclasses
 import functools
 import math
 from pathlib import Path
-from typing import Final, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
@@ -39,16 +39,9 @@ from ..core.boundaries.entropy import (
     PARTS,
     SMOOTH,
 )
-from ..core.boundaries.uncertainty import count_cut, fit_power_law, PowerLaw, PROBES
+from ..core.boundaries.uncertainty import count_cut, fit_power_law, Label, PowerLaw, PROBES
 from ..core.boundaries.wada import merge_basins, refine_boundary
-from ..core.defaults import (
-    BASINS_CAP,
-    HOLD,
-    INITIAL_CONDITIONS,
-    LIFETIMES_CAP,
-    SEED,
-    TOLERANCE,
-)
+from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, LIFETIMES_CAP, SEED, TOLERANCE
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import RESULT, UNSETTLED
 from ..core.model import Parameters
@@ -63,7 +56,7 @@ TITLE: Final = 'Basin boundary of the gear-rattling model'
 DECIDED: Final = 1e-12
 ROUNDING: Final = 1e-15
 MOST: Final = 200_000  # probes at one distance
-ROWS: Final = 40  # parts of the grid
+ROWS: Final = 20  # of cells that are labelled together
 # Boxes and discs of the grid [cells], and the discs.
 EDGES: Final = (5, 10, 15, 20, 25)
 RADIUS: Final = 20
@@ -80,22 +73,26 @@ COARSE: Final = (1e-8, 1e-2)
 COARSE_ERROR: Final = 0.1
 COARSE_GRID: Final = 150
 COARSE_EDGE: Final = 6
+# What the tables of the dataset have: the fields of Entropy, then the rates of the saddle.
+ENTROPY: Final = {
+    'entropy_edge': 'cells along the edge of a box; 0 for infinitely many, by extrapolation',
+    'entropy_mean': 'basin entropy S_b', 'entropy_mean_error': 'its standard error',
+    'entropy_boundary': 'boundary basin entropy S_bb',
+    'entropy_boundary_error': 'its standard error'}
+SADDLE: Final = {
+    'saddle_exponent': 'uncertainty exponent by the saddle on the boundary',
+    'saddle_exponent_error': 'its standard error',
+    'saddle_kappa': 'escape rate of the saddle per impact',
+    'saddle_lambda_1': 'its larger Lyapunov exponent per impact'}
 
 
-@dataclasses.dataclass(frozen=True)
-class Labels:
-    """Labels of the points of a plane at given parameters, as a function of both coordinates."""
-
-    known: Catalogue
-    displacement: float
-    cap: int
-
-    def __call__(self, phases: FloatArray, velocities: FloatArray) -> IntArray:
-        initial = make_initial_conditions(
-            self.known.parameters, phases, self.displacement, velocities)
-        results = np.zeros(len(initial), RESULT)
-        follow_here(initial, self.cap, self.known.table, results)
-        return np.asarray(results['label'], np.int64)
+def labels_of(known: Catalogue, displacement: float, cap: int, phases: FloatArray,
+              velocities: FloatArray) -> IntArray:
+    """Label points of a plane."""
+    initial = make_initial_conditions(known.parameters, phases, displacement, velocities)
+    results = np.zeros(len(initial), RESULT)
+    follow_here(initial, cap, known.table, results)
+    return np.asarray(results['label'], np.int64)
 
 
 @Study
@@ -135,41 +132,41 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
         NAME, parameters, plane, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, size=[plane.phases, plane.velocities],
         per_decade=per_decade, error=error)))
+    if not store.pending() and store.has_table('saddle_exponent'):
+        return store
     known = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
-        hold=hold, threads=work.threads)
-    label = Labels(known, plane.displacement, cap)
+        hold=hold, threads=work.threads, cluster=work.cluster)
+    label = functools.partial(labels_of, known, plane.displacement, cap)
     with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
         work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
                  pending, finished)
     if not store.has_table('label'):
-        _write_labels(store, plane, label, work)
-    laws = [law_of(store, probe) for probe in PROBES]
-    store.write_table({name: (('probe',), [getattr(law, field, math.nan) for law in laws],
-                              named(words)) for name, field, words in (
-        ('exponent', 'exponent', 'exponent of the share of probes that are cut'),
-        ('exponent_error', 'error', 'standard error of the exponent'))})
-    _write_entropies(store, seed)
-    _write_wada(store, plane, label, seed)
-    _write_saddle(store, plane, known, seed)
+        grid = _label_cells(known, plane, cap, work).astype('<i2')
+        store.write_table({'label': (('velocity', 'phase'), grid, named(
+            'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower '
+            'wall, -4 between the walls'))})
+    attractors.write_attractors(store, known)
+    _write_results(store, plane, label, known, seed)
     attractors.write_attractors(store, known)
     return store
 
 
 def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
     """Return the exponent and S_bb of a boundary, each with its error, coarsely; nan for none."""
-    label = Labels(known, plane.displacement, LIFETIMES_CAP)
-    grid = label_cells(label, dataclasses.replace(
-        plane, phases=COARSE_GRID, velocities=COARSE_GRID), 1, 0)
+    label = functools.partial(labels_of, known, plane.displacement, LIFETIMES_CAP)
+    cells = dataclasses.replace(plane, phases=COARSE_GRID, velocities=COARSE_GRID)
+    grid = known.label(cells.cells(known.parameters, slice(None), slice(None)), LIFETIMES_CAP,
+                       threads=1)['label'].reshape(COARSE_GRID, COARSE_GRID)
     if np.ptp(grid) == 0:
-        return math.nan, math.nan, math.nan, math.nan
-    entropy = basin_entropies(grid, (COARSE_EDGE,))[0]
+        return (math.nan,) * 4
+    *_, entropy, entropy_error = basin_entropies(grid, (COARSE_EDGE,))[0]
     random, sizes = np.random.default_rng(seed), distances_of(COARSE, 2)
     counts = np.array([count_cut(label, (plane.phase, plane.velocity), PROBES[0], size,
                                  COARSE_ERROR, MOST, random) for size in sizes])
     law = fit_power_law(sizes, *counts.T)
-    return (*((law.exponent, law.error) if law else (math.nan, math.nan)), entropy.boundary,
-            entropy.boundary_error)
+    exponent, error = (law.exponent, law.error) if law else (math.nan, math.nan)
+    return exponent, error, entropy, entropy_error
 
 
 def distances_of(distances: tuple[float, float], per_decade: int) -> FloatArray:
@@ -185,7 +182,7 @@ def distances_of(distances: tuple[float, float], per_decade: int) -> FloatArray:
     return high * 10.0**(-np.arange(count) / per_decade)
 
 
-def fill_tile(path: Path, plane: Plane, label: Labels, error: float, seed: int, tile: int) -> int:
+def fill_tile(path: Path, plane: Plane, label: Label, error: float, seed: int, tile: int) -> int:
     """Count the cut probes of one kind at one distance."""
     store = Store(path)
     place = store.tiles[tile]
@@ -210,86 +207,58 @@ def law_of(dataset: Arrays, probe: str) -> PowerLaw | None:
 
 
 def entropies_of(dataset: Arrays) -> list[Entropy]:
-    return [Entropy(int(edge), *map(float, values)) for edge, *values in zip(*(
-        dataset[name].values for name in ENTROPY), strict=True)]
+    return [Entropy(*row) for row in zip(*(dataset[name].values.tolist() for name in ENTROPY),
+                                         strict=True)]
 
 
-# The arrays of what Entropy has, in that order.
-ENTROPY: Final = {
-    'entropy_edge': 'cells along the edge of a box; 0 for ever more cells, by extrapolation',
-    'entropy_mean': 'basin entropy S_b', 'entropy_mean_error': 'its standard error',
-    'entropy_boundary': 'boundary basin entropy S_bb',
-    'entropy_boundary_error': 'its standard error'}
-
-
-def label_cells(label: Labels, plane: Plane, parts: int, part: int) -> IntArray:
-    """Label the rows of a part of a plane."""
-    velocities = np.array_split(plane.velocity_values(), parts)[part]
-    return label(np.tile(plane.phase_values(), len(velocities)),
-                 np.repeat(velocities, plane.phases)).reshape(-1, plane.phases)
-
-
-SADDLE: Final = {
-    'saddle_exponent': 'uncertainty exponent by the saddle on the boundary',
-    'saddle_exponent_error': 'its standard error',
-    'saddle_kappa': 'escape rate of the saddle per impact',
-    'saddle_lambda_1': 'its larger Lyapunov exponent per impact'}
-
-
-def _write_labels(store: Store, plane: Plane, label: Labels, work: Work) -> None:
-    grid: dict[int, IntArray] = {}
-    parts = min(plane.velocities, ROWS)
+def _label_cells(known: Catalogue, plane: Plane, cap: int, work: Work) -> IntArray:
+    parts = []
     with work.report(f'{NAME}, grid', plane.phases * plane.velocities) as progress:
-        def finished(part: int, labels: IntArray) -> None:
-            grid[part] = labels
-            progress.add(labels.size)
-
-        work.run(functools.partial(label_cells, label, plane, parts), list(range(parts)), finished)
-    store.write_table({'label': (('velocity', 'phase'), np.concatenate(
-        [grid[part] for part in range(parts)]).astype('<i2'), named(
-        'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower wall, '
-        '-4 between the walls'))})
+        for first in range(0, plane.velocities, ROWS):
+            rows = slice(first, min(first + ROWS, plane.velocities))
+            parts.append(known.label(plane.cells(known.parameters, rows, slice(None)), cap,
+                                     threads=work.threads, cluster=work.cluster)['label'])
+            progress.add(len(parts[-1]))
+    return np.concatenate(parts).reshape(plane.velocities, plane.phases)
 
 
-def _write_entropies(store: Store, seed: int) -> None:
-    labels = store.read_all('label')
-    small = min(labels.shape) // PARTS
-    edges = tuple(edge for edge in EDGES if edge <= small)
-    rows = [dataclasses.astuple(each) for each in basin_entropies(labels, edges)] if edges else []
-    radius = min(RADIUS, small)
-    disc = disc_entropy(labels, radius, DISCS, np.random.default_rng(seed))
-    columns = np.array(rows).reshape(-1, len(ENTROPY)).T
-    store.write_table({
-        **{name: (('entropy',), column, named(words))
-           for (name, words), column in zip(ENTROPY.items(), columns, strict=True)},
-        'disc': (('value',), [radius, *disc], named(
-            'radius of random discs [cells], mean entropy of those with several labels, its '
-            'standard error'))})
-
-
-def _write_wada(store: Store, plane: Plane, label: Labels, seed: int) -> None:
+def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, seed: int) -> None:
+    """Write what follows from the probes and the cells, and the rates of the saddle."""
+    laws = [law_of(store, probe) for probe in PROBES]
     grid = np.asarray(store.read_all('label'), np.int64)
+    small = min(grid.shape) // PARTS
+    edges = tuple(edge for edge in EDGES if edge <= small)
+    entropies = basin_entropies(grid, edges) if edges else []
+    radius = min(RADIUS, small)
     basins = [basin for basin in np.unique(grid).tolist() if basin != UNSETTLED]
-    merging = merge_basins(grid, basins, int(REACH * min(grid.shape)))
-    refined = refine_boundary(label, (plane.phase, plane.velocity), grid, basins, HALVINGS,
-                              PAIRS, np.random.default_rng(seed))
-    store.write_table({
-        'merging': (('cells',), np.array(merging.within), named(
-            'least share of a boundary of one basin that has that of each other within so many '
-            'cells')),
-        'refinement': (('halving',), np.array(refined.shares), named(
-            'share of neighbouring cells in different basins between which all basins are found '
-            'after so many halvings'))})
-
-
-def _write_saddle(store: Store, plane: Plane, known: Catalogue, seed: int) -> None:
-    values = [math.nan] * len(SADDLE)
+    saddle = [math.nan] * len(SADDLE)
     # Without a boundary there is none.
     with contextlib.suppress(ValueError):
         rates = boundary_saddle(known, plane, seed=seed)
-        values = [*rates.exponent, rates.kappa, rates.lambda_1]
-    store.write_table({name: ((), value, named(words))
-                       for (name, words), value in zip(SADDLE.items(), values, strict=True)})
+        saddle = [*rates.exponent, rates.kappa[0], rates.lambda_1[0]]
+    columns: tuple[tuple[str, tuple[str, ...], Any, str], ...] = (
+        ('exponent', ('probe',), [getattr(law, 'exponent', math.nan) for law in laws],
+         'exponent of the share of probes that are cut'),
+        ('exponent_error', ('probe',), [getattr(law, 'error', math.nan) for law in laws],
+         'standard error of the exponent'),
+        *((name, ('entropy',), [each[k] for each in entropies], words)
+          for k, (name, words) in enumerate(ENTROPY.items())),
+        ('disc', ('value',), [radius, *disc_entropy(grid, radius, DISCS,
+                                                    np.random.default_rng(seed))],
+         'radius of random discs [cells], mean entropy of those with several labels, its standard '
+         'error'),
+        ('merging', ('cells',), merge_basins(grid, basins, int(REACH * min(grid.shape))),
+         'least share of a boundary of one basin that has that of each other within so many '
+         'cells'),
+        ('refinement', ('halving',), refine_boundary(
+            label, (plane.phase, plane.velocity), grid, basins, HALVINGS, PAIRS,
+            np.random.default_rng(seed)),
+         'share of neighbouring cells in different basins between which all basins are found '
+         'after so many halvings'),
+        *((name, (), value, words)
+          for (name, words), value in zip(SADDLE.items(), saddle, strict=True)))
+    store.write_table({name: (dimensions, values, named(words))
+                       for name, dimensions, values, words in columns})
 
 
 def describe(dataset: Arrays) -> str:
@@ -298,7 +267,14 @@ def describe(dataset: Arrays) -> str:
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
     if len(cells) < 2:
         return attractors.describe(dataset, cells, 'no boundary: all cells have one label')
-    lines = [_law_in_words(probe, law_of(dataset, probe)) for probe in PROBES]
+    lines = []
+    for name, law in zip(('triplets', 'box counting'), (law_of(dataset, p) for p in PROBES),
+                         strict=True):
+        lines.append(
+            f'{name}: exponent {law.exponent:.4f} +- {law.error:.4f}, dimension of the boundary '
+            f'{2.0 - law.exponent:.4f}, from {law.low:.1e} to {law.high:.1e} (chi^2 '
+            f'{law.chi_squared:.1f} for {counted(law.freedom, "degree")} of freedom)' if law else
+            f'{name}: too few are cut for an exponent; give larger --distances')
     value, error, kappa, growth = (float(dataset[name].values) for name in SADDLE)
     if math.isfinite(value):
         lines.append(f'saddle on the boundary: exponent {value:.4f} +- {error:.4f}, dimension of '
@@ -313,33 +289,25 @@ def describe(dataset: Arrays) -> str:
               f'{each.boundary_error:.4f}' for each in entropies]
     if any(each.exceeds_ln_2 for each in entropies):
         lines.append('S_bb exceeds ln 2: the boundary is fractal')
-    radius, mean, error = (float(value) for value in dataset['disc'].values)
-    verdict = 'may be smooth' if is_smooth(mean, error, int(radius)) else 'is not smooth'
-    lines.append(f'discs of radius {radius:g} cells: {mean:.4f} +- {error:.4f}, a smooth boundary '
-                 f'has {SMOOTH:.4f}: the boundary {verdict}')
-    return attractors.describe(dataset, cells, '\n'.join([*lines, *_wada_in_words(dataset)]))
-
-
-def _law_in_words(probe: str, law: PowerLaw | None) -> str:
-    name = {'triplet': 'triplets', 'box': 'box counting'}[probe]
-    if law is None:
-        return f'{name}: too few are cut for an exponent; give larger --distances'
-    return (f'{name}: exponent {law.exponent:.4f} +- {law.error:.4f}, dimension of the boundary '
-            f'{2.0 - law.exponent:.4f}, from {law.low:.1e} to {law.high:.1e} (chi^2 '
-            f'{law.chi_squared:.1f} for {counted(law.freedom, "degree")} of freedom)')
-
-
-def _wada_in_words(dataset: Arrays) -> list[str]:
-    merging, refinement = dataset['merging'].values, dataset['refinement'].values
+    radius, mean, error = dataset['disc'].values.tolist()
+    if math.isfinite(mean):
+        lines.append(f'discs of radius {radius:g} cells: {mean:.4f} +- {error:.4f}, a smooth '
+                     f'boundary has {SMOOTH:.4f}: the boundary '
+                     f'{"may be" if is_smooth(mean, error, radius) else "is not"} smooth')
+    merging, refinement = (dataset[name].values for name in ('merging', 'refinement'))
     if not len(merging):
-        return ['Wada: needs three basins']
-    near, is_one, is_shared = len(merging) - 1, merging[-1] >= 1.0, refinement[-1] >= SHARED
-    return [
-        f'Wada by merging: {"passed" if is_one else "failed"}, the boundaries of all basins are '
-        + (f'within {counted(near, "cell")} of each other' if is_one else
-           f'not, only {merging[-1]:.1%} of one are within {counted(near, "cell")}'),
-        f'Wada by grid refinement: {"passed" if is_shared else "failed"}, all basins lie between '
-        f'{refinement[-1]:.1%} of the pairs of neighbouring cells in two basins']
+        lines.append('Wada: needs three basins')
+    else:
+        within = f'within {counted(len(merging) - 1, "cell")}'
+        lines += [
+            'Wada by merging: ' + (
+                f'passed, the boundaries of all basins are {within} of each other'
+                if merging[-1] >= 1.0 else 'failed, the boundaries of all basins are not, only '
+                f'{merging[-1]:.1%} of one are {within}'),
+            f'Wada by grid refinement: {"passed" if refinement[-1] >= SHARED else "failed"}, all '
+            f'basins lie between {refinement[-1]:.1%} of the pairs of neighbouring cells in two '
+            'basins']
+    return attractors.describe(dataset, cells, '\n'.join(lines))
 
 
 def _layout(plane: Plane, sizes: FloatArray, identity: dict[str, object]) -> Layout:

@@ -31,13 +31,14 @@ from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
+from ..attractors.orbits import find_orbits
 from ..attractors.plane import initial_condition, Plane
-from ..attractors.saddles import HEAD, rates_of_orbit, Straddling
+from ..attractors.saddles import HEAD, Straddling
 from ..core.arrays import FloatArray, RecordArray
 from ..core.defaults import INITIAL_CONDITIONS, LIFETIMES_HOLD, SEED, TOLERANCE
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import UNSETTLED
-from ..core.many.sprinkler import QUANTITIES, rates_of, SaddleRates
+from ..core.many.sprinkler import QUANTITIES, SaddleRates
 from ..core.model import Parameters
 from ..core.orbits.section import distances
 from ..core.words import counted, in_columns
@@ -45,17 +46,21 @@ from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
 NAME: Final = 'saddle'
-# Independent batches, whose scatter gives the errors.
+# Independent batches, whose scatter gives the errors; impacts straddled, and initial conditions
+# sprinkled about them.
 PARTS: Final = 8
-# Impacts straddled, and initial conditions sprinkled about them.
 STRADDLED: Final = 2000
 SPRINKLED: Final = 20_000
-# Segments from each attractor to the boundary of its basin, and impacts of each that is straddled.
+# Segments from each attractor to the boundary of its basin, impacts of each that is straddled, and
+# orbits on the saddle that are listed, the shortest.
 RAYS: Final = 4
 REACHED: Final = 150
-# How near a trajectory is to the saddle [rad, 1].
+LISTED: Final = 12
+# The orbits that are sought [impacts], from so many points of the section.
+LONGEST: Final = 8
+SOUGHT: Final = 2048
+# How near a trajectory is to the saddle [rad, 1], and impacts of it that are compared at the most.
 NEAR: Final = 0.05
-# Impacts of a trajectory that are compared with the saddle at the most.
 COMPARED: Final = 4000
 
 # Rates in the order in which they are kept, and their words.
@@ -113,7 +118,7 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
     with work.pending(NAME, store, lambda tile: 1) as (tiles, finished):
         work.run(functools.partial(_fill, straddling, plane, seed, store.path), tiles, finished)
     write_attractors(store, straddling.catalogue)
-    _write_results(store, straddling, seed)
+    _write_results(store, straddling, work, seed)
     if initial:
         store.set_attributes(_compare(straddling, _straddled(store), alone, lifetime))
     return store
@@ -122,12 +127,13 @@ def saddle(parameters: Parameters, plane: Plane | None = None, *, transient: boo
 def _fill(straddling: Straddling, plane: Plane, seed: int, output: Path, tile: int) -> int:
     """Straddle and sprinkle one part into its tile; the impacts made are not counted."""
     store, random = Store(output), np.random.default_rng([seed, tile])
-    points = straddling.follow(plane, store.attrs['straddled'] // PARTS, random)
-    rows = np.full((2, store.attrs['straddled'] // PARTS), np.nan)
-    rows[:, :len(points)] = points.T
-    estimate = (np.full((2, len(QUANTITIES)), np.nan) if straddling.orbit_of(points) else
-                straddling.sprinkle(points, store.attrs['sprinkled'] // PARTS, random))
-    store.write(tile, {'phase': rows[:1], 'velocity': rows[1:], 'estimate': estimate[None]})
+    count = store.attrs['straddled'] // PARTS
+    points = straddling.follow(plane, count, random)
+    phase, velocity = np.full((2, 1, count), np.nan)
+    phase[0, :len(points)], velocity[0, :len(points)] = points.T
+    store.write(tile, {'phase': phase, 'velocity': velocity, 'estimate': (
+        np.full((1, 2, len(QUANTITIES)), np.nan) if straddling.orbit_of(points) else
+        straddling.sprinkle(points, store.attrs['sprinkled'] // PARTS, random)[None])})
     return 0
 
 
@@ -136,44 +142,43 @@ def _straddled(store: Store) -> FloatArray:
     return points[np.isfinite(points[:, 0])]
 
 
-def _write_results(store: Store, straddling: Straddling, seed: int) -> None:
+def _write_results(store: Store, straddling: Straddling, work: Work, seed: int) -> None:
     """Write the rates, and the orbits, of a store whose parts are complete."""
-    points = _straddled(store)
+    points, random = _straddled(store), np.random.default_rng([seed, PARTS])
+    unstable = find_orbits(straddling.catalogue.parameters, LONGEST, most=SOUGHT,
+                           threads=work.threads, cluster=work.cluster).unstable
     orbit = straddling.orbit_of(points)
-    rates = rates_of_orbit(orbit) if orbit else rates_of(store.read_all('estimate'))
-    found = [('', each, near) for each, near in straddling.orbits_near(points)
-             if orbit is None or each.key == orbit.key]
-    random = np.random.default_rng([seed, PARTS])
+    rates = straddling.rates(points, lambda: store.read_all('estimate'))
+    found = [('', *near) for near in straddling.orbits_near(
+        points, (orbit,) if orbit else unstable) if near[1]][:LISTED]
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
         rays = np.concatenate([straddling.accessible(each, REACHED, random)
                                for _ in range(RAYS)])
-        found += [(each.key, *near) for near in sorted(
-            straddling.orbits_near(rays), key=lambda near: -near[1] / near[0].impacts)[:1]]
+        near = straddling.orbits_near(rays, unstable)
+        found += [(each.key, *max(near, key=lambda one: one[1] / one[0].impacts))] if near else []
     orbits = [one for _, one, _ in found]
     hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
-    values = [(rates.kappa, rates.kappa_error), (rates.lambda_1, rates.lambda_1_error),
-              (rates.lambda_2, rates.lambda_2_error), rates.dimension_1, rates.dimension_2,
-              rates.exponent]
-    store.write_table({name: (dimensions, np.array(column), named(words, units))
-                       for name, dimensions, column, words, units in (
-        ('rate_name', ('rate',), [*RATES], 'name of the rate', ''),
-        ('rate_value', ('rate',), [value for value, _ in values], 'rate per impact, or dimension',
-         '1'),
-        ('rate_error', ('rate',), [error for _, error in values], 'its standard error', '1'),
-        ('orbit_key', ('orbit',), [one.key for one in orbits], 'name of the orbit', ''),
-        ('orbit_side', ('orbit',), [side for side, _, _ in found], 'attractor from which it is '
-         'accessible, empty for an orbit on the saddle', ''),
-        ('orbit_impacts', ('orbit',), [one.impacts for one in orbits], 'impacts of a period', '1'),
-        ('orbit_multiplier', ('orbit', 'pair'), np.reshape(
-            [one.multipliers.real for one in orbits], (-1, 2)), 'multipliers of a period', '1'),
-        ('orbit_near', ('orbit',), [near for _, _, near in found], 'impacts straddled near it',
-         '1'),
-        ('orbit_point_phase', ('orbit_point',), hits[:, 0], 'drive phase of its impacts', 'rad'),
-        ('orbit_point_velocity', ('orbit_point',), hits[:, 1], 'velocity before them', '1'),
-        ('orbit_point_number', ('orbit_point',), np.repeat(
-            np.arange(len(orbits)), [one.impacts for one in orbits]), 'orbit of the point', '1'))})
+    values, errors = zip(rates.kappa, rates.lambda_1, rates.lambda_2, rates.dimension_1,
+                         rates.dimension_2, rates.exponent, strict=True)
     store.set_attributes({'is_orbit': orbit.key if orbit else '', 'escapes': rates.escapes,
                           'impacts': rates.impacts})
+    store.write_table({name: ((name.rsplit('_', 1)[0], 'pair')[:np.ndim(column)],
+                              np.array(column), named(words, units))
+                       for name, column, words, units in (
+        ('rate_name', [*RATES], 'name of the rate', ''),
+        ('rate_value', values, 'rate per impact, or dimension', '1'),
+        ('rate_error', errors, 'its standard error', '1'),
+        ('orbit_key', [one.key for one in orbits], 'name of the orbit', ''),
+        ('orbit_side', [side for side, _, _ in found], 'attractor from which it is accessible, '
+         'empty for an orbit on the saddle', ''),
+        ('orbit_impacts', [one.impacts for one in orbits], 'impacts of a period', '1'),
+        ('orbit_multiplier', np.reshape([one.multipliers.real for one in orbits], (-1, 2)),
+         'multipliers of a period', '1'),
+        ('orbit_near', [near for _, _, near in found], 'impacts straddled near it', '1'),
+        ('orbit_point_phase', hits[:, 0], 'drive phase of its impacts', 'rad'),
+        ('orbit_point_velocity', hits[:, 1], 'velocity before them', '1'),
+        ('orbit_point_number', np.repeat(np.arange(len(orbits)), [
+            one.impacts for one in orbits]), 'orbit of the point', '1'))})
 
 
 def _lifetime(straddling: Straddling, initial: RecordArray) -> int:
@@ -189,11 +194,11 @@ def _lifetime(straddling: Straddling, initial: RecordArray) -> int:
 def _compare(straddling: Straddling, points: FloatArray, initial: RecordArray, lifetime: int
              ) -> dict[str, Any]:
     """Compare the transient of one trajectory with the saddle on which impacts lie."""
-    stays = lifetime - straddling.tail
-    grown = straddling.growths(initial, min(stays, COMPARED))[0, HEAD:]
+    count = min(lifetime - straddling.tail, COMPARED)
+    grown = straddling.growths(initial, count)[0, HEAD:]
     batches = np.array([part.mean(axis=0) for part in np.array_split(grown, PARTS)])
-    rows, _ = record_impacts(initial, HEAD, min(stays, COMPARED) - HEAD)
-    apart = [float(np.min(distances(points[:, 1], points[:, 0], one['velocity'], one['phase'])))
+    rows, _ = record_impacts(initial, HEAD, count - HEAD)
+    apart = [np.min(distances(points[:, 1], points[:, 0], one['velocity'], one['phase']))
              for one in rows[0]]
     return {'transient': lifetime, 'transient_near': float(np.mean(np.less(apart, NEAR))),
             'transient_exponents': batches.mean(axis=0).tolist(),
@@ -203,30 +208,31 @@ def _compare(straddling: Straddling, points: FloatArray, initial: RecordArray, l
 def describe(dataset: Arrays) -> str:
     """Put a saddle in words: what it is, its rates, the orbits on it."""
     a = dataset.attrs
-    rates = {str(name): (float(value), float(error)) for name, value, error in zip(
-        *(dataset[f'rate_{name}'].values for name in ('name', 'value', 'error')), strict=True)}
     what = ('the chaotic saddle of the transient' if a['straddles'] == 'lifetimes' else
             'the boundary of the basins')
-    lines = [f'{what} holds the orbit {a["is_orbit"]} alone' if a['is_orbit'] else
-             f'{what} holds a chaotic saddle' * (a['straddles'] == 'labels') or what]
-    if not a['is_orbit']:
-        lines[0] += (f': {counted(a["escapes"], "escape")}, '
-                     f'{counted(a["impacts"], "impact")} near it')
+    keys, sides, *others = (dataset[f'orbit_{name}'].values.tolist() for name in (
+        'key', 'side', 'impacts', 'multiplier', 'near'))
+    if a['is_orbit']:
+        lines = [f'{what} holds the orbit {a["is_orbit"]}' + ' alone' * (
+            {*keys} == {a['is_orbit']})]
+    else:
+        lines = [f'{what}{" holds a chaotic saddle" * (a["straddles"] == "labels")}: '
+                 f'{counted(a["escapes"], "escape")}, {counted(a["impacts"], "impact")} near it']
     lines.append(in_columns(['rate', '', 'value [1]'], [
-        [words, name, with_error(*rates[name])]
-        for name, words in RATES.items()]))
+        [words, name, with_error(value, error)] for (name, words), value, error in zip(
+            RATES.items(), *(dataset[f'rate_{name}'].values for name in ('value', 'error')),
+            strict=True)]))
     if 'transient' in a:
         one, two = zip(a['transient_exponents'], a['transient_errors'], strict=True)
         lines.append(f'transient of {counted(a["transient"], "impact")}: exponents '
                      f'{with_error(*one)} and {with_error(*two)}; '
                      f'{a["transient_near"]:.1%} of its impacts are within {NEAR} of the saddle')
-    rows = [[f'accessible from {side}' if side else 'on it', key, str(q),
-             f'{pair[0]:+.5g} {pair[1]:+.5g}', str(near)]
-            for key, side, q, pair, near in zip(*(dataset[f'orbit_{name}'].values for name in (
-                'key', 'side', 'impacts', 'multiplier', 'near')), strict=True)]
-    if rows:
-        lines.append(in_columns(['orbit', 'key', ' impacts', 'multipliers', ' straddled near it'],
-                                rows))
+    if keys:
+        lines.append(in_columns(
+            ['orbit', 'key', ' impacts', 'multipliers', ' straddled near it'],
+            [[f'accessible from {side}' if side else 'on it', key, str(q),
+              f'{pair[0]:+.5g} {pair[1]:+.5g}', str(near)]
+             for key, side, q, pair, near in zip(keys, sides, *others, strict=True)]))
     return describe_attractors(dataset, beside='\n'.join(lines))
 
 
@@ -253,11 +259,8 @@ def _layout(identity: dict[str, Any]) -> Layout:
 def boundary_saddle(catalogue: Catalogue, plane: Plane | None = None, *, seed: int = SEED,
                     straddled: int = STRADDLED, sprinkled: int = 2 * SPRINKLED) -> SaddleRates:
     """Estimate the rates of the saddle on the boundary of all basins of a catalogue."""
-    # They are exact where that is one orbit, and nan where too few trajectories stay long enough;
-    # ValueError where there is no boundary.
-    straddling = Straddling(catalogue, True, catalogue.hold)
-    random = np.random.default_rng(seed)
+    # ValueError where there is none; nan where too few trajectories stay long enough.
+    straddling, random = Straddling(catalogue, True, catalogue.hold), np.random.default_rng(seed)
     points = straddling.follow(plane or Plane(), straddled, random)
-    orbit = straddling.orbit_of(points)
-    return rates_of_orbit(orbit) if orbit else rates_of(np.stack([
+    return straddling.rates(points, lambda: np.stack([
         straddling.sprinkle(points, sprinkled // PARTS, random) for _ in range(PARTS)]))

@@ -84,11 +84,11 @@ def test_sprinkler_has_the_closed_form_of_the_baker() -> None:
     kappa = -math.log(weight.sum())
     one, two = (float(weight @ np.log(each) / weight.sum()) for each in (STRETCH, SQUEEZE))
     found = sprinkled(100_000, 3, 3)
-    assert found.kappa_error < 0.02 * kappa
+    assert found.kappa[1] < 0.02 * kappa
     for value, error, exact in (
-            (found.kappa, found.kappa_error, kappa),
-            (found.lambda_1, found.lambda_1_error, one),
-            (found.lambda_2, found.lambda_2_error, two),
+            (*found.kappa, kappa),
+            (*found.lambda_1, one),
+            (*found.lambda_2, two),
             (*found.dimension_1, 1.0 - kappa / one),
             (*found.dimension_2, (one - kappa) / -two)):
         assert abs(value - exact) < 3.0 * error
@@ -102,7 +102,7 @@ def test_exponent_is_the_box_dimension_of_the_baker() -> None:
     one = float(share @ np.log(STRETCH))
     spread = float(share @ np.log(STRETCH)**2) - one**2
     exact = 1.0 - brentq(lambda d: np.sum(STRETCH**-d) - 1.0, 0.1, 1.0)
-    value = SaddleRates(kappa, 0.0, one, 0.0, -1.0, 0.0, spread).exponent[0]
+    value = SaddleRates((kappa, 0.0), (one, 0.0), (-1.0, 0.0), spread).exponent[0]
     assert abs(value - exact) < 0.1 * abs(kappa / one - exact)
 
 
@@ -110,22 +110,28 @@ def test_errors_of_the_sprinkler_are_those_of_its_scatter() -> None:
     """Repeated with other initial conditions, the results scatter no more than they claim."""
     found = [sprinkled(10_000, 3, 3, seed) for seed in range(12)]
     for name in ('kappa', 'lambda_1', 'lambda_2'):
-        scatter = np.std([getattr(one, name) for one in found], ddof=1)
-        claimed = np.mean([getattr(one, f'{name}_error') for one in found])
+        scatter = np.std([getattr(one, name)[0] for one in found], ddof=1)
+        claimed = np.mean([getattr(one, name)[1] for one in found])
         assert 0.2 * claimed < scatter < 1.5 * claimed
 
 
 def test_none_that_stays_gives_no_rates() -> None:
     """Cuts longer than any life leave nothing; a batch without an estimate leaves the others."""
-    assert math.isnan(sprinkled(100, 100, 100).lambda_1)
+    assert math.isnan(sprinkled(100, 100, 100).lambda_1[0])
     batches = np.full((8, 2, 6), np.nan)
-    assert math.isnan(rates_of(batches).kappa)
+    assert math.isnan(rates_of(batches).kappa[0])
     batches[:5] = [0.1, 0.5, -1.0, 0.2, 1000.0, 500.0]
     found = rates_of(batches)
-    assert (found.lambda_1, found.spread, found.impacts) == pytest.approx((0.5, 0.2, 2500))
-    assert found.kappa == pytest.approx(0.1)
-    assert found.kappa_error == pytest.approx(
+    assert (found.lambda_1[0], found.spread, found.impacts) == pytest.approx((0.5, 0.2, 2500))
+    assert found.kappa[0] == pytest.approx(0.1)
+    assert found.kappa[1] == pytest.approx(
         0.1 / math.sqrt(-math.expm1(-0.1) * 5000.0), rel=0.01)
+    # Where none escapes, one might have.
+    batches[:] = [0.0, 0.5, -1.0, 0.2, 1000.0, 500.0]
+    found = rates_of(batches)
+    assert found.kappa == (0.0, pytest.approx(1.0 / 8000.0))
+    assert found.exponent == (0.0, pytest.approx(1.0 / 8000.0 / 0.5))
+    assert found.dimension_1[0] == 1.0
 
 
 def henon(points: FloatArray, a: float = 2.0) -> FloatArray:

@@ -15,6 +15,7 @@
 """Boundaries of the model: routes that agree, three basins, none at all."""
 
 import dataclasses
+import functools
 import math
 import re
 
@@ -25,7 +26,7 @@ from gear_rattle_ros import boundary, find_attractors, Parameters, Plane
 from gear_rattle_ros.cli.boundary import main
 from gear_rattle_ros.cli.continuation import main as follow
 from gear_rattle_ros.core.boundaries.uncertainty import count_cut
-from gear_rattle_ros.studies.boundary import describe, Labels, law_of, measure, PROBES
+from gear_rattle_ros.studies.boundary import describe, labels_of, law_of, measure, PROBES
 
 QUICK = {'initial_conditions': 60, 'hold': 2000, 'cap': 4000}
 # An impact of B is in this window, in which all initial conditions settle alike.
@@ -67,9 +68,10 @@ def test_the_coarse_measure_agrees_with_boxes_of_two_edges():
     known = find_attractors(Parameters(alpha=0.48), plane.draw(Parameters(alpha=0.48), 60, 1),
                             hold=2000)
     exponent, error, entropy, _ = measure(known, plane, 1)
+    label = functools.partial(labels_of, known, 0.0, 2000)
     (small, first), (large, second) = (
-        count_cut(Labels(known, 0.0, 2000), (plane.phase, plane.velocity), 'box', size, 0.04,
-                  50_000, random) for size in (1e-8, 1e-2))
+        count_cut(label, (plane.phase, plane.velocity), 'box', size, 0.04, 50_000, random)
+        for size in (1e-8, 1e-2))
     slope = math.log(large / second * first / small) / math.log(1e6)
     assert exponent == pytest.approx(slope, abs=3.0 * math.hypot(error, 0.06 / math.log(1e6)))
     assert 0.0 < entropy < math.log(2.0)
@@ -97,6 +99,9 @@ def test_where_there_is_no_boundary():
     assert not dataset['cut'].values.any()
     assert [law_of(dataset, probe) for probe in PROBES] == [None, None]
     assert np.isnan(dataset['exponent'].values).all()
+    # Where no disc has several labels, nothing is said of them.
+    dataset['label'][0, 0] = 1 - dataset['label'][0, 0]
+    assert 'smooth' not in describe(dataset)
 
 
 def test_where_areas_are_preserved_nothing_settles():

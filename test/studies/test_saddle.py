@@ -23,6 +23,7 @@ from gear_rattle_ros import find_attractors, lifetimes, Parameters, Plane, saddl
 from gear_rattle_ros.cli.saddle import main
 from gear_rattle_ros.core.orbits.branches import follow
 from gear_rattle_ros.core.orbits.orbit import close_orbit
+from gear_rattle_ros.studies.saddle import describe
 
 BETA, GAMMA, R = 0.1, 0.1, 0.9
 
@@ -47,6 +48,23 @@ def test_dimensions_follow_from_the_rates(edge):
     assert found['D_2'][0] == pytest.approx((one - kappa) / -two, abs=1e-12)
     # The box dimension is not less than that of the natural measure.
     assert 0.0 < found['exponent'][0] < kappa / one
+
+
+def test_words_state_rates_with_two_digits_of_their_errors(edge):
+    said = describe(edge)
+    value, error = rates(edge)['kappa']
+    assert 0.001 < error < 0.01
+    assert f'kappa     {value:.4f} +- {error:.4f}' in said
+    assert 'the boundary of the basins holds a chaotic saddle' in said
+
+
+@pytest.mark.long
+def test_between_rest_and_rattle_the_boundary_holds_one_orbit_alone():
+    found = saddle(Parameters(0.06), straddled=160, sprinkled=800, initial_conditions=64,
+                   threads=1)
+    assert f'the boundary of the basins holds the orbit {found.attrs["is_orbit"]} alone' in (
+        describe(found))
+    assert rates(found)['exponent'] == (1.0, 0.0)
 
 
 def test_orbits_on_the_edge_satisfy_what_is_exact(edge):

@@ -15,9 +15,8 @@
 """The entropy of basins in boxes of a grid, and what it says of their boundary."""
 
 from collections.abc import Callable
-import dataclasses
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -33,28 +32,23 @@ PARTS: Final = 5
 SIGNIFICANT: Final = 3.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Entropy:
-    """
-    Mean entropy of boxes of `edge` cells, natural logarithm; edge 0 stands for ever more cells.
+class Entropy(NamedTuple):
+    """Mean entropy of boxes of a grid [1], natural logarithm, with its standard error."""
 
-    `boundary` is the mean over the boxes with several labels alone, nan where there is none.
-    """
-
-    edge: int
+    edge: int  # of a box [cells]; 0 stands for infinitely many
     mean: float
     mean_error: float
-    boundary: float
+    boundary: float  # the mean over the boxes with several labels alone, nan where there is none
     boundary_error: float
 
     @property
     def exceeds_ln_2(self) -> bool:
-        """Whether it proves a fractal: a smooth boundary has two labels in nearly every box."""
+        """Whether it shows a fractal: along a smooth boundary nearly every box has two labels."""
         return self.boundary - SIGNIFICANT * self.boundary_error > math.log(2.0)
 
 
 def basin_entropies(labels: IntArray, edges: tuple[int, ...]) -> list[Entropy]:
-    """Measure the entropy of boxes of some edges, and of boxes of infinitely many cells."""
+    """Measure the entropy of boxes of some edges, and extrapolate to infinitely many cells."""
     # By a straight line in 1/edge: boxes of few cells miss a boundary that cuts off a corner.
     line = np.linalg.pinv(np.vander(1.0 / np.array(edges), min(2, len(edges))))[-1]
 
@@ -62,10 +56,11 @@ def basin_entropies(labels: IntArray, edges: tuple[int, ...]) -> list[Entropy]:
         ratios = sums[:, 1] / sums.T[::2]
         return np.column_stack([ratios, ratios @ line])
 
-    values, errors = _jackknife(np.stack([[_sums(part, edge) for part in _parts(labels)]
-                                          for edge in edges], axis=1), means)
-    return [Entropy(edge, *np.column_stack([values[:, k], errors[:, k]]).ravel().tolist())
-            for k, edge in enumerate((*edges, 0))]
+    parts = [part for rows in np.array_split(labels, PARTS)
+             for part in np.array_split(rows, PARTS, axis=1)]
+    results = np.stack(_jackknife(np.array([[_sums(part, edge) for edge in edges]
+                                            for part in parts]), means), axis=-1)
+    return [Entropy(edge, *results[:, k].ravel().tolist()) for k, edge in enumerate((*edges, 0))]
 
 
 def disc_entropy(labels: IntArray, radius: int, count: int, rng: np.random.Generator
@@ -84,15 +79,10 @@ def disc_entropy(labels: IntArray, radius: int, count: int, rng: np.random.Gener
     return float(mean), float(error)
 
 
-def is_smooth(mean: float, error: float, radius: int) -> bool:
+def is_smooth(mean: float, error: float, radius: float) -> bool:
     """Whether discs of a radius [cells] may have a smooth boundary; cells add a little to it."""
     excess = mean - SMOOTH
     return -SIGNIFICANT * error <= excess <= COARSE / radius + SIGNIFICANT * error
-
-
-def _parts(labels: IntArray) -> list[IntArray]:
-    return [part for rows in np.array_split(labels, PARTS)
-            for part in np.array_split(rows, PARTS, axis=1)]
 
 
 def _sums(labels: IntArray, edge: int) -> tuple[int, float, int]:

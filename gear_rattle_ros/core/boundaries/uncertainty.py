@@ -39,36 +39,12 @@ PROBABILITY_LEAST: Final = 0.05
 
 def count_cut(label: Label, window: Window, probe: str, size: float, error: float, most: int,
               rng: np.random.Generator) -> tuple[int, int]:
-    """
-    Count random probes whose points differ in their labels, until the share is accurate.
-
-    Parameters
-    ----------
-    label, window
-        The labels, and where the probes are.
-    probe : str
-        'triplet': a point and its neighbours at the distance `size` on either side, in a random
-        direction. 'box': the corners of a square of this edge.
-    size : float
-        In units of the coordinates.
-    error : float
-        Relative error of the share at which no more are needed.
-    most : int
-        Probes at the most; where as many would not do, only the first are labelled.
-    rng : numpy.random.Generator
-        Draws the probes.
-
-    Returns
-    -------
-    cut, probes : int
-        Those whose labels differ, and all.
-
-    """
+    """Count random probes whose points differ in their labels, and all, until that is accurate."""
+    # A 'triplet' is a point and its neighbours at the distance `size` on either side, in a random
+    # direction, a 'box' the corners of a square of this edge. `error` is the relative error of the
+    # share at which no more are needed; where `most` probes would not do, only the first are made.
     cut = probes = 0
-    while True:
-        needed = (probes - cut + 1) / ((cut + 1) * error**2)
-        if probes and (probes >= needed or needed > most):
-            return cut, probes
+    while not probes or probes < (probes - cut + 1) / ((cut + 1) * error**2) <= most:
         x, y = (low + (high - low) * rng.random((BATCH, 1)) for low, high in window)
         if probe == 'box':
             dx, dy = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
@@ -77,8 +53,9 @@ def count_cut(label: Label, window: Window, probe: str, size: float, error: floa
             dx, dy = (np.array([0.0, 1.0, -1.0]) * f(angle) for f in (np.cos, np.sin))
         x, y = x + size * dx, y + size * dy
         labels = label(x.ravel(), y.ravel()).reshape(x.shape)
-        cut += int(np.count_nonzero(np.any(labels[:, 1:] != labels[:, :1], axis=1)))
+        cut += int(np.count_nonzero(np.ptp(labels, axis=1)))
         probes += BATCH
+    return cut, probes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,18 +88,15 @@ def fit_power_law(sizes: FloatArray, cut: IntArray, probes: IntArray) -> PowerLa
     order = np.argsort(sizes[use])
     x, n, k = np.log(sizes[use][order]), probes[use][order], cut[use][order]
     y, weights = np.log(k / n), n * k / (n - k)
-    fits = [(first, length, _line(x, y, weights, slice(first, first + length)))
+    fits = [_line(*(each[first:first + length] for each in (x, y, weights)))
             for length in range(len(x), SIZES_LEAST - 1, -1)
             for first in range(len(x) - length + 1)]
-    good = [each for each in fits if each[2].probability >= PROBABILITY_LEAST]
-    if good:
-        return good[0][2]
-    shortest = [law for _, length, law in fits if length == SIZES_LEAST]
-    return max(shortest, key=lambda law: law.probability, default=None)
+    good = [law for law in fits if law.probability >= PROBABILITY_LEAST]
+    shortest = (law for law in fits if law.freedom == SIZES_LEAST - 2)
+    return good[0] if good else max(shortest, key=lambda law: law.probability, default=None)
 
 
-def _line(x: FloatArray, y: FloatArray, weights: FloatArray, part: slice) -> PowerLaw:
-    x, y, weights = x[part], y[part], weights[part]
+def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> PowerLaw:
     x_mean, y_mean = np.average(x, weights=weights), np.average(y, weights=weights)
     spread = np.sum(weights * (x - x_mean)**2)
     slope = np.sum(weights * (x - x_mean) * y) / spread

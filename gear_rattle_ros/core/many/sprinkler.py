@@ -21,15 +21,13 @@ their points have the natural measure of the saddle (Kantz & Grassberger, Physic
 
 import dataclasses
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from .escape import escape_rate
 from ..arrays import FloatArray, IntArray
-from ..compiled import kernel
-from ..flight.elementary import length, logarithm
 
 # By this factor both cuts are widened to see what the result owes to them.
 WIDER: Final = 1.25
@@ -39,68 +37,54 @@ WINDOW: Final = 10
 QUANTITIES: Final = ('kappa', 'lambda_1', 'lambda_2', 'spread', 'at_risk', 'impacts')
 
 
+# A value and its standard error.
+Estimate: TypeAlias = tuple[float, float]
+
+
 @dataclasses.dataclass(frozen=True)
 class SaddleRates:
-    """Rates of a saddle per impact [1] and their standard errors, and what follows from them."""
+    """Escape rate and exponents of a saddle per impact [1], and what follows from them."""
 
-    kappa: float  #: Escape rate.
-    kappa_error: float
-    lambda_1: float  #: Larger exponent.
-    lambda_1_error: float
-    lambda_2: float  #: Smaller exponent.
-    lambda_2_error: float
-    #: Variance of the growth of the first direction; 0 where nothing stays for long enough.
-    spread: float = 0.0
-    escapes: int = 0  #: Trajectories that were seen to leave.
-    impacts: int = 0  #: Impacts near the saddle that the exponents are means of.
+    kappa: Estimate
+    lambda_1: Estimate
+    lambda_2: Estimate
+    spread: float = 0.0  # variance of the growth of the first direction; 0 where it is not known
+    escapes: int = 0  # trajectories that were seen to leave
+    impacts: int = 0  # near the saddle, of which the exponents are means
 
     @property
-    def exponent(self) -> tuple[float, float]:
-        """
-        Uncertainty exponent of the boundary and its error [1].
-
-        It is two less the box dimension: the root of the pressure, ``mean(stretch^a) = e^kappa``,
-        to the second cumulant. Where all stretch alike it is ``kappa / lambda_1``.
-        """
-        root = math.sqrt(max(self.lambda_1**2 + 2.0 * self.spread * self.kappa, 0.0))
-        value = 2.0 * self.kappa / (self.lambda_1 + root)
-        return value, value * self._relative_error
+    def dimension_1(self) -> Estimate:
+        """Dimension along the unstable direction, ``1 - kappa / lambda_1`` [1]."""
+        (kappa, error), (growth, growth_error) = self.kappa, self.lambda_1
+        return 1.0 - kappa / growth, math.hypot(error, kappa / growth * growth_error) / growth
 
     @property
-    def _relative_error(self) -> float:
-        return math.hypot(self.kappa_error / self.kappa, self.lambda_1_error / self.lambda_1)
+    def dimension_2(self) -> Estimate:
+        """Dimension along the stable direction, ``(lambda_1 - kappa) / |lambda_2|`` [1]."""
+        over, under = self.lambda_1[0] - self.kappa[0], abs(self.lambda_2[0])
+        return over / under, math.hypot(self.lambda_1[1], self.kappa[1],
+                                        over / under * self.lambda_2[1]) / under
 
     @property
-    def dimension_1(self) -> tuple[float, float]:
-        """Dimension along the unstable direction, ``1 - kappa / lambda_1``, and its error [1]."""
-        ratio = self.kappa / self.lambda_1
-        return 1.0 - ratio, ratio * self._relative_error
-
-    @property
-    def dimension_2(self) -> tuple[float, float]:
-        """Dimension along the stable one, ``(lambda_1 - kappa) / |lambda_2|``, and its error."""
-        over, under = self.lambda_1 - self.kappa, abs(self.lambda_2)
-        return over / under, math.hypot(math.hypot(self.lambda_1_error, self.kappa_error),
-                                        over * self.lambda_2_error / under) / under
+    def exponent(self) -> Estimate:
+        """Uncertainty exponent of the boundary, 2 minus its box dimension [1]."""
+        # The root of the pressure, ``mean(stretch^a) = e^kappa``, to the second cumulant. Where
+        # all stretch alike it is ``kappa / lambda_1``.
+        kappa, growth = self.kappa[0], self.lambda_1[0]
+        mean = 0.5 * (growth + math.sqrt(max(growth**2 + 2.0 * self.spread * kappa, 0.0)))
+        return kappa / mean, self.dimension_1[1] * growth / mean
 
 
-@kernel
 def growths(matrices: FloatArray) -> FloatArray:
     """Return the logarithms by which two directions grow at each step of rows of matrices."""
-    # Shape (rows, steps, 2, 2); Gram-Schmidt at each step.
-    rows, steps = matrices.shape[:2]
-    result = np.zeros((rows, steps, 2))
-    for i in range(rows):
-        # A direction that no map prefers.
-        a, b = 0.6, 0.8
-        for k in range(steps):
-            m = matrices[i, k]
-            c, d = m[0, 0] * a + m[0, 1] * b, m[1, 0] * a + m[1, 1] * b
-            size = length(c, d)
-            area = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
-            result[i, k, 0] = logarithm(size)
-            result[i, k, 1] = logarithm(area) - result[i, k, 0]
-            a, b = c / size, d / size
+    # Shape (rows, steps, 2, 2); Gram-Schmidt at each step, from a direction that no map prefers.
+    result, direction = np.zeros(matrices.shape[:3]), np.full((len(matrices), 2), (0.6, 0.8))
+    for k in range(matrices.shape[1]):
+        direction = np.einsum('nij,nj->ni', matrices[:, k], direction)
+        size = np.hypot(*direction.T)
+        result[:, k, 0] = np.log(size)
+        direction /= size[:, None]
+    result[:, :, 1] = np.log(np.abs(np.linalg.det(matrices))) - result[:, :, 0]
     return result
 
 
@@ -147,7 +131,7 @@ def rates_of(batches: FloatArray) -> SaddleRates:
         means.tolist(), errors.tolist())
     at_risk, impacts = np.nansum(batches[:, 0, 4:], axis=0).tolist()
     escapes = 0 if math.isnan(kappa) else round(-math.expm1(-kappa) * at_risk)
-    # Few batches may agree by chance, but not better than counts do.
-    kappa_error = max(kappa_error, kappa / math.sqrt(max(escapes, 1)))
-    return SaddleRates(kappa, kappa_error, one, one_error, two, two_error,
+    # Few batches may agree by chance, but not better than counts do, of one escape at least.
+    kappa_error = max(kappa_error, (kappa or 1.0 / at_risk) / math.sqrt(max(escapes, 1)))
+    return SaddleRates((kappa, kappa_error), (one, one_error), (two, two_error),
                        0.0 if math.isnan(spread) else spread, escapes, int(impacts))

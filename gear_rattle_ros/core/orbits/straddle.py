@@ -21,6 +21,7 @@ longest lifetimes on the chaotic saddle of a transient. Any map of points of the
 """
 
 from collections.abc import Callable
+import functools
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -44,40 +45,77 @@ Map: TypeAlias = Callable[[FloatArray], FloatArray | None]
 # Labels or lifetimes of points, shape (n, 2).
 Values: TypeAlias = Callable[[FloatArray], IntArray]
 # From values along a segment, the places of the ends of the piece that goes on; None for none.
-Choice: TypeAlias = Callable[[IntArray, np.random.Generator], tuple[int, int] | None]
+Choice: TypeAlias = Callable[[IntArray, np.random.Generator], IntArray | None]
 
 
-def any_change(values: IntArray, random: np.random.Generator) -> tuple[int, int] | None:
+def any_change(values: IntArray, random: np.random.Generator) -> IntArray | None:
     """Choose neighbours with different labels at random."""
     changes = np.flatnonzero(values[1:] != values[:-1])
-    k = int(random.choice(changes)) if len(changes) else -1
-    return (k, k + 1) if k >= 0 else None
+    return int(random.choice(changes)) + np.arange(2) if len(changes) else None
 
 
-def first_change(values: IntArray, random: np.random.Generator) -> tuple[int, int] | None:
+def first_change(values: IntArray, _: np.random.Generator) -> IntArray | None:
     """Choose the first change of label: that boundary is accessible from the first end."""
-    changes = np.flatnonzero(values != values[0])
-    return (int(changes[0]) - 1, int(changes[0])) if len(changes) else None
+    changes = np.flatnonzero(values[1:] != values[:-1])
+    return changes[0] + np.arange(2) if len(changes) else None
 
 
 def longest_lived(cap: int) -> Choice:
     """Make the choice of a piece about a longest lifetime, between shorter ones below a cap."""
-    def choose(values: IntArray, random: np.random.Generator) -> tuple[int, int] | None:
+    def choose(values: IntArray, random: np.random.Generator) -> IntArray | None:
         longest = values.max()
         k = int(random.choice(np.flatnonzero(values == longest)))
         if longest >= cap:
-            return max(k - 1, 0), min(k + 1, len(values) - 1)
+            return np.clip([k - 1, k + 1], 0, len(values) - 1)
         shorter = np.flatnonzero(values < longest)
-        before, after = shorter[shorter < k], shorter[shorter > k]
-        return (int(before[-1]), int(after[0])) if len(before) and len(after) else None
+        after = int(np.searchsorted(shorter, k))
+        return shorter[after - 1:after + 1] if 0 < after < len(shorter) else None
 
     return choose
 
 
-def shorten(ends: FloatArray, length: float, values: Values, choose: Choice,
-            random: np.random.Generator, samples: int = SAMPLES) -> FloatArray | None:
-    """Shorten a segment, shape (2, 2), to a length [1]; None where nothing is left to choose."""
-    while np.hypot(*(ends[1] - ends[0])) > length:
+def straddle(ends: FloatArray, advance: Map, values: Values, choose: Choice, steps: int,
+             random: np.random.Generator, samples: int = SAMPLES) -> FloatArray:
+    """Follow a segment, shape (2, 2), across an invariant set; return its middles at each step."""
+    # They are within `LONG` of the set, and fewer than `steps` where it was lost.
+    shorten = functools.partial(_shorten, values, choose, random, samples)
+    points, longer = list[FloatArray](), [(0, ends)]
+    failures = 0
+    while longer and len(points) < steps and failures < FAILURES + steps // 10:
+        done, piece = longer[-1]
+        del points[done:]
+        short = shorten(piece, SHORT)
+        while short is not None and len(points) < steps:
+            images, length = advance(short), _length(short)
+            # Where they do not stay together, a shorter piece may.
+            while images is None:
+                length *= 0.1
+                shorter = shorten(short, length)
+                if shorter is None or length < SHORTEST:
+                    break
+                short, images = shorter, advance(shorter)
+            middle, short = short.mean(axis=0), images
+            if short is None:
+                break
+            points.append(middle)
+            if _length(short) > LONG:
+                longer.append((len(points), short))
+                break
+        if short is None:
+            # It held nothing after all: another is chosen where it was longer.
+            failures += 1
+            longer.pop()
+    return np.array(points).reshape(-1, 2)
+
+
+def _length(ends: FloatArray) -> float:
+    return float(np.hypot(*(ends[1] - ends[0])))
+
+
+def _shorten(values: Values, choose: Choice, random: np.random.Generator, samples: int,
+             ends: FloatArray, length: float) -> FloatArray | None:
+    """Shorten a segment to a length [1]; None where nothing is left to choose."""
+    while _length(ends) > length:
         for doubling in range(DOUBLINGS):
             count = samples << doubling
             # Uneven, so that nothing in step with them is missed.
@@ -89,45 +127,5 @@ def shorten(ends: FloatArray, length: float, values: Values, choose: Choice,
                 break
         else:
             return None
-        ends = points[list(piece)]
+        ends = points[piece]
     return ends
-
-
-def straddle(ends: FloatArray, advance: Map, values: Values, choose: Choice, steps: int,
-             random: np.random.Generator, samples: int = SAMPLES) -> FloatArray:
-    """Follow a segment, shape (2, 2), across an invariant set; return its middles at each step."""
-    # They are within `LONG` of the set, and fewer than `steps` where it was lost.
-    points, longer = list[FloatArray](), [(0, ends)]
-    failures = 0
-    while longer and len(points) < steps and failures < FAILURES + steps // 10:
-        done, piece = longer[-1]
-        del points[done:]
-        short = shorten(piece, SHORT, values, choose, random, samples)
-        while short is not None and len(points) < steps:
-            middle, short = _map_together(short, advance, values, choose, random, samples)
-            if short is None:
-                break
-            points.append(middle)
-            if np.hypot(*(short[1] - short[0])) > LONG:
-                longer.append((len(points), short))
-                break
-        if short is None:
-            # It held nothing after all: another is chosen where it was longer.
-            failures += 1
-            longer.pop()
-    return np.array(points).reshape(-1, 2)
-
-
-def _map_together(ends: FloatArray, advance: Map, values: Values, choose: Choice,
-                  random: np.random.Generator, samples: int
-                  ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the middle of a segment and its image; where it has none, of a piece that has."""
-    images = advance(ends)
-    length = float(np.hypot(*(ends[1] - ends[0])))
-    while images is None:
-        length *= 0.1
-        shorter = shorten(ends, length, values, choose, random, samples)
-        if shorter is None or length < SHORTEST:
-            break
-        ends, images = shorter, advance(shorter)
-    return ends.mean(axis=0), images
