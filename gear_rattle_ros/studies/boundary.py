@@ -284,14 +284,14 @@ def describe(dataset: Arrays) -> str:
     lines.append(f'rounding: {cut / probes:.2%} of the triplets are cut at {ROUNDING:g}, a last '
                  'digit: up to as many single labels are beyond double precision')
     entropies = entropies_of(dataset)
-    lines += [f'{f"boxes of {each.edge}" if each.edge else "ever more"} cells: S_b '
+    lines += [f'{f"boxes of {each.edge} by {each.edge}" if each.edge else "in the limit"}: S_b '
               f'{each.mean:.4f} +- {each.mean_error:.4f}, S_bb {each.boundary:.4f} +- '
               f'{each.boundary_error:.4f}' for each in entropies]
     if any(each.exceeds_ln_2 for each in entropies):
         lines.append('S_bb exceeds ln 2: the boundary is fractal')
     radius, mean, error = dataset['disc'].values.tolist()
     if math.isfinite(mean):
-        lines.append(f'discs of radius {radius:g} cells: {mean:.4f} +- {error:.4f}, a smooth '
+        lines.append(f'in discs of radius {radius:g}: {mean:.4f} +- {error:.4f}, a smooth '
                      f'boundary has {SMOOTH:.4f}: the boundary '
                      f'{"may be" if is_smooth(mean, error, radius) else "is not"} smooth')
     merging, refinement = (dataset[name].values for name in ('merging', 'refinement'))

@@ -37,7 +37,7 @@ STEPS: Final = (0.7548776662466927, 0.5698402909980532)
 FOLLOWED: Final = 64
 REACH: Final = 0.5
 # Orbits are put together where they come this near to each other [rad, 1].
-SPLICED: Final = 0.3
+SPLICED: Final = 0.1
 # An orbit to which this many seeds have led is well known. One step of Newton's method that leads
 # to it but for this part of the step is enough; beside a fold, where two orbits are near each
 # other, no step comes so near to either.
@@ -230,22 +230,22 @@ def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntA
         q = impacts[i] + impacts[j]
         if q > longest:
             continue
+        here, there, nearest = -1, -1, SPLICED
         for k in range(impacts[i]):
-            best, nearest = -1, SPLICED
             for n in range(impacts[j]):
                 apart = max(abs(turned(rings[i, k, 0] - rings[j, n, 0])),
                             abs(rings[i, k, 1] - rings[j, n, 1]))
                 if walls[j, n] == walls[i, k] and apart < nearest and (i != j or k < n):
-                    best, nearest = n, apart
-            if best < 0:
-                continue
-            for one in range(q):
-                row, at = (i, k + one) if one < impacts[i] else (j, best + one - impacts[i])
-                at %= impacts[row]
-                on_walls[one] = walls[row, at]
-                ring[one] = rings[row, at]
-            if close_ring(on_walls[:q], ring[:q], carried, REACH, model):
-                known = keep(on_walls[:q], ring[:q], walls, rings, impacts, seeds, 1, known)
+                    here, there, nearest = k, n, apart
+        if here < 0:
+            continue
+        for one in range(q):
+            row, at = (i, here + one) if one < impacts[i] else (j, there + one - impacts[i])
+            at %= impacts[row]
+            on_walls[one] = walls[row, at]
+            ring[one] = rings[row, at]
+        if close_ring(on_walls[:q], ring[:q], carried, REACH, model):
+            known = keep(on_walls[:q], ring[:q], walls, rings, impacts, seeds, 1, known)
     return known
 
 
