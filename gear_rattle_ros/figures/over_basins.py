@@ -78,7 +78,7 @@ def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
                                   markersize=size, label=counted(q, 'impact')))
     handles.append(Line2D([], [], color=GREY, marker='o', linestyle='none',
                           markerfacecolor='none', label='just after the impact'))
-    axes.legend(handles=handles, loc='upper right', fontsize=9, framealpha=0.9,
+    axes.legend(handles=handles, loc='best', fontsize=9, framealpha=0.9,
                 title='unstable orbits')
     return figure
 
