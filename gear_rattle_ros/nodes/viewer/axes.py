@@ -22,8 +22,9 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from .basin import KICK, LINES
 from ...core.arrays import FloatArray
-from ...palette import AMBER, rgba, SKY
+from ...palette import AMBER, LAYERS, rgba, SKY
 
 TWO_PI = 2.0 * math.pi
 # Half the height of the section; its width is 2 pi. Velocities are scaled to it.
@@ -69,6 +70,7 @@ def section_axes() -> list[Logged]:
         ('section/grid', _lines(inner, 0.4, FAINT, 0.0)),
         ('section/phase', _labels(ticks, ['0', 'π/2', 'π', '3π/2', '2π'])),
         ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=LABEL, show_labels=True)),
+        *((layer(name), _styles(name, rgba(colour))) for name, colour in LAYERS.items()),
         ('section/plane/attractors', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(3.5), draw_order=20.0)),
         ('section/plane/impacts', rr.Points2D.from_fields(
@@ -94,6 +96,22 @@ def flight_axes() -> list[Logged]:
         ('flight/tau', _labels(
             ticks, [f'{x}'.replace('-', '−') for x in range(first, last + 1)])),
         ('flight/walls', _labels([(edge, -0.1), (edge, 0.75)], ['s = 0', 's = −1']))]
+
+
+def layer(name: str) -> str:
+    """Return the entity of a layer."""
+    return f'section/plane/skeleton/{name}'
+
+
+def _styles(name: str, colour: int) -> rr.AsComponents:
+    if name == KICK:
+        return rr.Arrows2D.from_fields(
+            radii=rr.Radius.ui_points(1.5), colors=colour, draw_order=25.0)
+    if name in LINES:
+        return rr.LineStrips2D.from_fields(
+            radii=rr.Radius.ui_points(0.6), colors=colour, draw_order=5.0)
+    return rr.Points2D.from_fields(
+        radii=rr.Radius.ui_points(2.0), colors=colour, draw_order=10.0)
 
 
 def _lines(strips: Any, width: float, colour: int, order: float) -> rr.LineStrips2D:

@@ -17,14 +17,21 @@
 import dataclasses
 import io
 import math
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import numpy.typing as npt
 import PIL.Image
 from sensor_msgs.msg import Image, PointCloud2, PointField
+from visualization_msgs.msg import MarkerArray
 
+from ...palette import LAYERS
+
+KICK: Final = 'smallest_kick'
+LINES: Final = ('unstable_manifold', 'stable_manifold', KICK)
+# Phase and velocity by layer, shape (n, 2); of lines both ends of every piece.
+Layers: TypeAlias = dict[str, npt.NDArray[np.float32]]
 PARTS: Final = {'basin': Image, 'attractors': PointCloud2, 'basin_state': DiagnosticArray}
 
 
@@ -85,3 +92,16 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
         'offsets': [offsets[name] for name in names], 'itemsize': cloud.point_step}))
     return (np.stack([records['x'], records['y']], axis=1),
             np.asarray(records['rgb'] << np.uint32(8) | np.uint32(0xFF)))
+
+
+def layers_of(message: MarkerArray) -> Layers:
+    """Return the places of every layer; of one that is deleted, or not there, none."""
+    found: Layers = {name: np.zeros((0, 2), np.float32) for name in LAYERS}
+    for marker in message.markers:
+        if marker.ns not in LAYERS:
+            raise ValueError(f'{marker.ns!r:.40} is none of {", ".join(LAYERS)}')
+        places = np.array([(point.x, point.y) for point in marker.points], np.float32)
+        if (len(places) % 2 and marker.ns in LINES) or not np.isfinite(places).all():
+            raise ValueError(f'the layer {marker.ns} has an end without a line, or no numbers')
+        found[marker.ns] = places.reshape(-1, 2)
+    return found
