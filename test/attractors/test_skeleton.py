@@ -52,10 +52,10 @@ def test_layers_at_two_attractors() -> None:
         lines = layers['stable_manifold'].reshape(-1, 2)
         assert (0.0 <= lines[:, 0]).all() and (lines[:, 0] <= math.tau).all()
         # Any neighbourhood of a point on the boundary has parts of two basins, few others do.
-        near = 1e-4 * np.random.default_rng(2).normal(size=(60, 2))
-        elsewhere = PLANE.draw(parameters, 100, 3)
+        near = 1e-7 * np.random.default_rng(2).normal(size=(60, 2))
+        elsewhere = PLANE.draw(parameters, 40, 3)
         for centres, least, most in (
-                (lines[::37], 0.95, 1.0),
+                (lines[::101], 0.9, 1.0),
                 (np.column_stack([elsewhere['phase'], elsewhere['velocity']]), 0.0, 0.5)):
             labels = catalogue.label(initial_after(
                 parameters, *(centres[:, None] + near).reshape(-1, 2).T), threads=1)['label']

@@ -32,12 +32,14 @@ import pytest
 
 from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.skeleton import skeletons
 from gear_rattle_ros.attractors.watching import Basins, glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.messages import markers_from_layers
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
-from gear_rattle_ros.nodes.viewer.basin import BasinInput
+from gear_rattle_ros.nodes.viewer.basin import BasinInput, layers_of
 from gear_rattle_ros.nodes.viewer.recent import Recent
 from gear_rattle_ros.nodes.viewer.scene import Scene
 from gear_rattle_ros.nodes.viewer.sinks import file_recording
@@ -83,6 +85,9 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert inputs.take('attractors', picture.attractors) is None
     drawn = inputs.take('basin_state', picture.state)
     assert drawn is not None
+    found = dict.fromkeys(basins.catalogue.labels.tolist())
+    *_, last = skeletons(basins.catalogue, found, basins.plane, lambda: None)
+    layers = layers_of(markers_from_layers(last[0], Time(sec=7)))
     simulation = Simulation(Parameters(0.57), State(0, 0.0, 0.0, -1.0))
     recent, running, clock = Recent(1000), RunningLyapunov(), 0.0
     for cycle in range(20, 801, 20):
@@ -90,6 +95,7 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
         if cycle == 400:
             events = np.concatenate([events, simulation.retune(Parameters(0.48))])
             scene.take_basin(drawn)
+            scene.take_layers(layers)
         recent.take(events)
         running.update(events)
         report = running.report
