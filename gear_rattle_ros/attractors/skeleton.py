@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator, Mapping
 import contextlib
+import dataclasses
 import math
 from typing import Final, TypeAlias
 
@@ -45,11 +46,10 @@ ORBITS, UNSTABLE, STABLE, EDGE, KICK = LAYERS = (
 LONGEST: Final = 6
 FIRST: Final = 256
 MOST: Final = 2048
-# Impacts of the edge state, of each of the rays to the boundary of a basin, and of one slice.
+# Impacts of the edge state, and of each of the rays to the boundary of a basin.
 STRADDLED: Final = 400
 REACHED: Final = 100
 RAYS: Final = 4
-SLICE: Final = 100
 # How near a boundary is to an orbit on it [rad, 1].
 CLOSE: Final = 0.01
 # Length and precision of each side of a manifold, and its fastest impact in units of the plane's.
@@ -57,6 +57,18 @@ LENGTH: Final = 40.0
 PRECISION: Final = 0.01
 FASTER: Final = 3.0
 SEED: Final = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Watched(Straddling):
+    """Straddles as long as it is wanted."""
+
+    check: Check
+
+    def values(self, points: FloatArray) -> IntArray:
+        """Return the labels; what `check` raises gives up."""
+        self.check()
+        return super().values(points)
 
 
 def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Plane, check: Check
@@ -79,34 +91,27 @@ def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Pla
     # With one attractor there is no boundary, and where impacts forget everything no way back.
     if len(bounded) < 2 or not parameters.restitution:
         return
-    straddling = Straddling(catalogue, True, catalogue.hold)
+    straddling = Watched(catalogue, True, catalogue.hold, check)
     known: dict[str, Layers] = {}
     for each in bounded:
-        saddle = accessible_saddle(straddling, each, orbits, random, check)
+        saddle = accessible_saddle(straddling, each, orbits, random)
         if saddle is None:
             continue
         if saddle.key not in known:
             known[saddle.key] = within(plane, manifolds(saddle, plane, check))
         layers = layers | {each.label: {**layers[each.label], **known[saddle.key]}}
         yield layers
-    parts = [np.zeros((0, 2))]
     # ValueError where random initial conditions of the plane are in one basin.
     with contextlib.suppress(ValueError):
-        for _ in range(STRADDLED // SLICE):
-            check()
-            parts.append(straddling.follow(plane, SLICE, random))
-    edge = within(plane, {EDGE: np.concatenate(parts)})
-    yield {label: {**mine, **edge} for label, mine in layers.items()}
+        edge = within(plane, {EDGE: straddling.follow(plane, STRADDLED, random)})
+        yield {label: {**mine, **edge} for label, mine in layers.items()}
 
 
 def accessible_saddle(straddling: Straddling, attractor: Attractor, orbits: tuple[Orbit, ...],
-                      random: np.random.Generator, check: Check) -> Orbit | None:
+                      random: np.random.Generator) -> Orbit | None:
     """Return the orbit on which the boundary that an attractor meets first stays the longest."""
-    rays = []
-    for _ in range(RAYS):
-        check()
-        rays.append(straddling.accessible(attractor, REACHED, random))
-    points = np.concatenate(rays)
+    points = np.concatenate([straddling.accessible(attractor, REACHED, random)
+                             for _ in range(RAYS)])
     shares = [np.sum(distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
                                orbit.phases[:, None]) < CLOSE) / orbit.impacts
               for orbit in orbits]

@@ -43,7 +43,7 @@ from gear_rattle_ros.nodes.viewer.basin import BasinInput, layers_of
 from gear_rattle_ros.nodes.viewer.recent import Recent
 from gear_rattle_ros.nodes.viewer.scene import Scene
 from gear_rattle_ros.nodes.viewer.sinks import file_recording
-from gear_rattle_ros.palette import AMBER, BLUE, PURPLE, RED, rgb, SKY
+from gear_rattle_ros.palette import AMBER, BLUE, LAYERS, PURPLE, RED, rgb, SKY
 
 pytestmark = pytest.mark.long
 WIDTH, HEIGHT = 1280, 720
@@ -85,8 +85,7 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert inputs.take('attractors', picture.attractors) is None
     drawn = inputs.take('basin_state', picture.state)
     assert drawn is not None
-    found = dict.fromkeys(basins.catalogue.labels.tolist())
-    *_, last = skeletons(basins.catalogue, found, basins.plane, lambda: None)
+    *_, last = skeletons(basins.catalogue, {}, basins.plane, lambda: None)
     layers = layers_of(markers_from_layers(last[0], Time(sec=7)))
     simulation = Simulation(Parameters(0.57), State(0, 0.0, 0.0, -1.0))
     recent, running, clock = Recent(1000), RunningLyapunov(), 0.0
@@ -260,6 +259,9 @@ def check(pixels: Pixels, basins: Basins) -> None:
 
     assert [all(map(is_bright, orbit.phases, orbit.velocities))
             for orbit in basins.catalogue.orbits].count(True) == 1
+    # The layers over the basins.
+    for name in ('unstable_manifold', 'stable_manifold', 'edge_state'):
+        assert like(section, LAYERS[name]).sum() > 100, name
     flight = part(pixels, FLIGHT)
     walls = walls_of(pixels)
     assert walls[-1] - walls[0] > 60

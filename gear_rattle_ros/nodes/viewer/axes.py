@@ -22,7 +22,7 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
-from .basin import KICK, LINES
+from .basin import EDGE, KICK, LINES
 from ...core.arrays import FloatArray
 from ...palette import AMBER, LAYERS, rgba, SKY
 
@@ -110,8 +110,10 @@ def _styles(name: str, colour: int) -> rr.AsComponents:
     if name in LINES:
         return rr.LineStrips2D.from_fields(
             radii=rr.Radius.ui_points(0.6), colors=colour, draw_order=5.0)
+    # The many points of an edge state would hide the few of an orbit.
+    size, order = (1.4, 8.0) if name == EDGE else (2.5, 12.0)
     return rr.Points2D.from_fields(
-        radii=rr.Radius.ui_points(2.0), colors=colour, draw_order=10.0)
+        radii=rr.Radius.ui_points(size), colors=colour, draw_order=order)
 
 
 def _lines(strips: Any, width: float, colour: int, order: float) -> rr.LineStrips2D:

@@ -28,6 +28,7 @@ from visualization_msgs.msg import MarkerArray
 
 from ...palette import LAYERS
 
+EDGE: Final = 'edge_state'
 KICK: Final = 'smallest_kick'
 LINES: Final = ('unstable_manifold', 'stable_manifold', KICK)
 # Phase and velocity by layer, shape (n, 2); of lines both ends of every piece.
