@@ -17,20 +17,20 @@
 from collections.abc import Iterator, Mapping
 import contextlib
 import dataclasses
-import math
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from .catalogue import Attractor, Catalogue
-from .finding import Check
+from .finding import Check, conserves_areas
 from .kicks import Kick
 from .orbits import find_orbits
 from .plane import Plane
 from .saddles import Straddling
 from ..core.arrays import FloatArray, IntArray
+from ..core.flight.elementary import TWO_PI
 from ..core.many.settling import UNSETTLED
-from ..core.orbits.curves import Curve, grow, impact_map, segments_of
+from ..core.orbits.curves import grow, impact_map, segments_of
 from ..core.orbits.manifolds import saddle_of
 from ..core.orbits.orbit import Orbit
 from ..core.orbits.section import distances
@@ -39,7 +39,6 @@ from ..core.orbits.section import distances
 #: from one place to another of shape (n, 2, 2).
 Layers: TypeAlias = Mapping[str, FloatArray]
 
-#: The layers; the unstable and the stable manifold are lines, and the kick is an arrow.
 ORBITS, UNSTABLE, STABLE, EDGE, KICK = LAYERS = (
     'unstable_orbits', 'unstable_manifold', 'stable_manifold', 'edge_state', 'smallest_kick')
 # Impacts of the longest orbits, and points of the section from which they are sought.
@@ -56,6 +55,8 @@ CLOSE: Final = 0.01
 LENGTH: Final = 40.0
 PRECISION: Final = 0.01
 FASTER: Final = 3.0
+# A step over the edge of the picture is no line.
+WIDE: Final = 3.0
 SEED: Final = 1
 
 
@@ -77,15 +78,23 @@ def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Pla
     Compute the layers of every attractor, by label, as far as they are known.
 
     They are yielded again when there are more, the smallest kick and the unstable orbits first.
-    `check` is called a few times a second, and raises to give up.
+    `check` is called many times a second, and raises to give up. There are none where areas are
+    preserved, and nothing attracts.
     """
     parameters, random = catalogue.parameters, np.random.default_rng(SEED)
     attractors = catalogue.attractors
+    if conserves_areas(parameters):
+        return
     orbits = find_orbits(parameters, LONGEST, first=FIRST, most=MOST, threads=1,
                          reached=lambda points, found: check()).unstable
-    layers: dict[int, Layers] = {each.label: within(plane, {
-        ORBITS: np.concatenate([np.zeros((0, 2)), *(orbit.points for orbit in orbits)]),
-        KICK: arrow(kicks.get(each.label), parameters.restitution)}) for each in attractors}
+    layers: dict[int, Layers] = {each.label: within(plane, {ORBITS: np.concatenate(
+        [np.zeros((0, 2)), *(orbit.points for orbit in orbits)])}) for each in attractors}
+    for label, kick in kicks.items():
+        if kick is not None and parameters.restitution:
+            # As a change of the velocity before the impact it does the same.
+            layers[label] = {**layers[label], KICK: np.array([[
+                (kick.phase, kick.velocity),
+                (kick.phase, kick.velocity - kick.change / parameters.restitution)]])}
     yield layers
     bounded = [each for each in attractors if each.label != UNSETTLED]
     # With one attractor there is no boundary, and where impacts forget everything no way back.
@@ -129,33 +138,12 @@ def manifolds(orbit: Orbit, plane: Plane, check: Check) -> Layers:
             check()
             return map_on(walls, points, times)  # noqa: B023
 
-        parts[STABLE if backwards else UNSTABLE].append(pieces(
-            grow(segment, mapped, length=LENGTH, tolerance=PRECISION)))
+        curve = grow(segment, mapped, length=LENGTH, tolerance=PRECISION)
+        places = np.column_stack([np.mod(curve.points[:, 0], TWO_PI), curve.points[:, 1]])
+        joined = ~curve.begins[1:] & (np.abs(np.diff(places[:, 0])) < WIDE)
+        parts[STABLE if backwards else UNSTABLE].append(
+            np.stack([places[:-1][joined], places[1:][joined]], axis=1))
     return {name: np.concatenate(both) for name, both in parts.items()}
-
-
-def pieces(curve: Curve) -> FloatArray:
-    """Return the pieces of a curve, cut where the phase begins anew."""
-    places = np.column_stack([np.mod(curve.points[:, 0], 2.0 * math.pi), curve.points[:, 1]])
-    lines = np.stack([places, places + curve.steps], axis=1)
-    lines = lines[np.isfinite(lines[:, 1, 0])]
-    turns = np.floor(lines[:, 1, 0] / (2.0 * math.pi))
-    cut = turns != 0.0
-    # From where the line leaves the picture on, it goes on at the other side.
-    beyond, shift = lines[cut], turns[cut, None] * [2.0 * math.pi, 0.0]
-    edge = np.maximum(shift[:, 0], 0.0)
-    part = (edge - beyond[:, 0, 0]) / (beyond[:, 1, 0] - beyond[:, 0, 0])
-    lines[cut, 1] = beyond[:, 0] + part[:, None] * (beyond[:, 1] - beyond[:, 0])
-    beyond[:, 0] = lines[cut, 1]
-    return np.concatenate([lines, beyond - shift[:, None]])
-
-
-def arrow(kick: Kick | None, restitution: float) -> FloatArray:
-    """Return a kick as the displacement of the velocity before the impact that does the same."""
-    if kick is None or not restitution:
-        return np.zeros((0, 2, 2))
-    return np.array([[(kick.phase, kick.velocity),
-                      (kick.phase, kick.velocity - kick.change / restitution)]])
 
 
 def within(plane: Plane, layers: Layers) -> Layers:

@@ -22,11 +22,10 @@ import pytest
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.kicks import smallest_kick
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.attractors.skeleton import KICK, LAYERS, pieces, skeletons
+from gear_rattle_ros.attractors.skeleton import KICK, LAYERS, skeletons
 from gear_rattle_ros.attractors.watching import Dropped
 from gear_rattle_ros.core.many.recorded import initial_after
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.core.orbits.curves import Curve
 from gear_rattle_ros.core.orbits.impact_map import map_points
 from gear_rattle_ros.core.orbits.section import distances
 from gear_rattle_ros.palette import LAYERS as COLOURED
@@ -78,16 +77,3 @@ def test_work_is_given_up() -> None:
 
     with pytest.raises(Dropped):
         next(skeletons(catalogue, {}, PLANE, check))
-
-
-def test_curves_are_cut_where_the_phase_begins_anew() -> None:
-    """Half of a piece is at either side, and no piece leads from one part to the next."""
-    points = np.array([[6.0, 0.1], [7.0, 0.3], [6.5, 0.5], [2.0, 0.7], [2.1, 0.7]])
-    lines = pieces(Curve(np.zeros(5, np.int64), points, np.zeros(5, np.int64), np.zeros(5),
-                         np.array([True, False, False, True, False]), np.zeros(5, np.bool_)))
-    share = math.tau - 6.0
-    np.testing.assert_allclose(lines, [
-        [[6.0, 0.1], [math.tau, 0.1 + 0.2 * share]],
-        [[7.0 - math.tau, 0.3], [6.5 - math.tau, 0.5]],
-        [[2.0, 0.7], [2.1, 0.7]],
-        [[0.0, 0.1 + 0.2 * share], [7.0 - math.tau, 0.3]]], atol=1e-12)

@@ -219,7 +219,7 @@ def test_file_holds_what_was_sent(start: Callable, rclpy_node: Node, spin: Calla
     assert column(chunks, f'{below}/unstable_orbits', 'Points2D:positions') == [
         [[1.0, 0.5], [2.0, -0.5]], []]
     assert column(chunks, f'{below}/stable_manifold', 'LineStrips2D:strips')[-1] == [
-        [[0.0, 0.5], [1.0, 1.0], [2.0, 1.0]], [[4.0, 0.0], [5.0, 0.5]]]
+        [[0.0, 0.5], [1.0, 1.0]], [[1.0, 1.0], [2.0, 1.0]], [[4.0, 0.0], [5.0, 0.5]]]
     assert column(chunks, f'{below}/unstable_manifold', 'LineStrips2D:strips')[-1] == []
     assert column(chunks, f'{below}/smallest_kick', 'Arrows2D:vectors')[-1] == [[0.0, 0.25]]
     scale = column(chunks, '/section/plane', 'Transform3D:scale')[-1][0]

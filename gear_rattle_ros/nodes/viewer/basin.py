@@ -26,13 +26,14 @@ import PIL.Image
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import MarkerArray
 
+from ...core.arrays import FloatArray
 from ...palette import LAYERS
 
 EDGE: Final = 'edge_state'
 KICK: Final = 'smallest_kick'
 LINES: Final = ('unstable_manifold', 'stable_manifold', KICK)
-# Phase and velocity by layer, shape (n, 2); of lines both ends of every piece.
-Layers: TypeAlias = dict[str, npt.NDArray[np.float32]]
+# Phase and velocity by layer, shape (n, 2); of lines those of both ends, shape (n, 2, 2).
+Layers: TypeAlias = dict[str, FloatArray]
 PARTS: Final = {'basin': Image, 'attractors': PointCloud2, 'basin_state': DiagnosticArray}
 
 
@@ -96,13 +97,14 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
 
 
 def layers_of(message: MarkerArray) -> Layers:
-    """Return the places of every layer; of one that is deleted, or not there, none."""
-    found: Layers = {name: np.zeros((0, 2), np.float32) for name in LAYERS}
+    """Return the places of every layer that is named; of one that is deleted, none."""
+    found: Layers = {}
     for marker in message.markers:
         if marker.ns not in LAYERS:
             raise ValueError(f'{marker.ns!r:.40} is none of {", ".join(LAYERS)}')
-        places = np.array([(point.x, point.y) for point in marker.points], np.float32)
-        if (len(places) % 2 and marker.ns in LINES) or not np.isfinite(places).all():
-            raise ValueError(f'the layer {marker.ns} has an end without a line, or no numbers')
-        found[marker.ns] = places.reshape(-1, 2)
+        places = np.array([(point.x, point.y) for point in marker.points])
+        # Not so where one is no number, either.
+        if not (np.abs(places) < 1e9).all():
+            raise ValueError(f'{marker.ns} has places that are out of all range')
+        found[marker.ns] = places.reshape((-1, 2, 2) if marker.ns in LINES else (-1, 2))
     return found

@@ -184,16 +184,11 @@ class Scene:
 
     def _draw_layers(self, now: Place) -> None:
         for name, places in self._layers.items():
-            starts, ends = places[::2], places[1::2]
-            if name == KICK:
-                columns = rr.Arrows2D.columns(
-                    origins=starts, vectors=ends - starts).partition([len(starts)])
-            elif name in LINES:
-                strips = strips_of(starts, ends)
-                columns = rr.LineStrips2D.columns(strips=strips).partition([len(strips)])
-            else:
-                columns = points(positions=places)
-            self._send(axes.layer(name), now, columns)
+            columns = (
+                rr.Points2D.columns(positions=places) if name not in LINES else
+                rr.LineStrips2D.columns(strips=places) if name != KICK else
+                rr.Arrows2D.columns(origins=places[:, 0], vectors=places[:, 1] - places[:, 0]))
+            self._send(axes.SKELETON + name, now, columns.partition([len(places)]))
         self._layers = {}
 
     def _draw_flight(self, recent: Recent) -> None:
@@ -231,14 +226,6 @@ class Scene:
         self._recording.send_columns(path, [
             rr.TimeColumn('impact', sequence=impact),
             rr.TimeColumn('drive_time', duration=drive_time)], columns)
-
-
-def strips_of(starts: npt.NDArray[np.float32], ends: npt.NDArray[np.float32]
-              ) -> list[npt.NDArray[np.float32]]:
-    """Put pieces together where one ends as the next begins."""
-    breaks = np.flatnonzero(np.any(ends[:-1] != starts[1:], axis=1)) + 1
-    return [np.concatenate([begun, ended[-1:]]) for begun, ended in zip(
-        np.split(starts, breaks), np.split(ends, breaks), strict=True) if len(begun)]
 
 
 def points(**components: Any) -> rr.ComponentColumnList:
