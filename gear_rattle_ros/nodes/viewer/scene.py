@@ -186,7 +186,7 @@ class Scene:
         for name, places in self._layers.items():
             columns = (
                 rr.Points2D.columns(positions=places) if name not in LINES else
-                rr.LineStrips2D.columns(strips=places) if name != KICK else
+                rr.LineStrips2D.columns(strips=list(places)) if name != KICK else
                 rr.Arrows2D.columns(origins=places[:, 0], vectors=places[:, 1] - places[:, 0]))
             self._send(axes.SKELETON + name, now, columns.partition([len(places)]))
         self._layers = {}
