@@ -18,7 +18,8 @@ How soon the basin node answers a change, and what it costs the simulator.
 Prints the time from the call that changes alpha to the first and to the 400 x 400 picture at it,
 while simulator, exponents and transients run; then impacts per second through all of them flat
 out while alpha keeps changing, without and with the basin node in turn. A picture that did not
-come in time is infinitely late. The exit status is 1 where impacts were lost.
+come in time is infinitely late. Last, the processor time of the skeleton at each alpha, and the
+longest time for which it cannot be given up. The exit status is 1 where impacts were lost.
 """
 
 from collections.abc import Iterator
@@ -38,6 +39,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
+from gear_rattle_ros.attractors.finding import find_attractors
+from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.skeleton import skeletons
+from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.qos import LATCHED, STREAM
 
 # Alphas of the paper's stories: two periodic attractors, one of them chaotic, chaos alone, before
@@ -161,6 +166,17 @@ def flat_out(title: str, names: tuple[str, ...], logs: Path, changes: bool) -> t
         return rate, watch.lost
 
 
+def skeleton(alpha: float) -> None:
+    """Compute a skeleton in this process, and print what it costs."""
+    parameters, plane = Parameters(alpha), Plane(velocity=(-1.5, 1.5))
+    catalogue = find_attractors(parameters, plane.draw(parameters, 256, 1), hold=2000, threads=1)
+    looks = [time.process_time()]
+    parts = [time.process_time() for _ in skeletons(
+        catalogue, {}, plane, lambda: looks.append(time.process_time()))]
+    print(f'skeleton at alpha {alpha:5g}: orbits after {parts[0] - looks[0]:.1f} s, all after '
+          f'{parts[-1] - looks[0]:.1f} s, longest slice {np.max(np.diff(looks)):.2f} s')
+
+
 def main() -> int:
     """Measure; the exit status is 1 where impacts were lost."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -173,6 +189,8 @@ def main() -> int:
             flat_out('flat out, alpha changing, no basin node', OTHERS, logs, True),
             flat_out('flat out, alpha changing, basin node', (*OTHERS, 'basin'), logs, True),
         ]
+        for alpha in (ALPHAS[0], *ALPHAS):
+            skeleton(alpha)
         return int(any(lost for _, lost in results))
 
 

@@ -21,17 +21,25 @@ from typing import Final
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
-from std_msgs.msg import Header
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
 
+from .core.arrays import FloatArray
 from .core.model import EVENT, EventArray
 from .core.stream.event_points import decode_points, POINT, point_fields
 from .core.stream.report_values import texts
+from .palette import LAYERS, rgb
 
 # The plane (phase, velocity), in which points of the section are drawn.
 SECTION_FRAME: Final = 'section'
+# Diameter of a point, and widths of a line and of the head of an arrow [rad, 1].
+_POINT: Final = 0.04
+_LINE: Final = 0.008
+_HEAD: Final = 0.05
 _FIELDS: Final = [
     PointField(name=name, offset=offset, datatype=datatype, count=count)
     for name, offset, datatype, count in point_fields()]
@@ -88,6 +96,28 @@ def image_from_pixels(pixels: npt.NDArray[np.uint8], stamp: Time,
     return Image(
         header=Header(stamp=stamp, frame_id=frame), height=height, width=width,
         encoding='rgb8', step=3 * width, data=array.array('B', pixels.tobytes()))
+
+
+def markers_from_layers(layers: Mapping[str, FloatArray], stamp: Time,
+                        frame: str = SECTION_FRAME) -> MarkerArray:
+    """Return a marker for each of `LAYERS`, one of a namespace; what is not known is deleted."""
+    found = MarkerArray()
+    for name, colour in LAYERS.items():
+        places = layers.get(name, np.zeros((0, 2)))
+        is_arrow = name == 'smallest_kick'
+        kind, size = ((Marker.SPHERE_LIST, _POINT) if places.ndim == 2 else
+                      (Marker.ARROW, 2.0 * _LINE) if is_arrow else (Marker.LINE_LIST, _LINE))
+        red, green, blue = (part / 255.0 for part in rgb(colour))
+        found.markers.append(Marker(
+            header=Header(stamp=stamp, frame_id=frame), ns=name, type=kind,
+            action=Marker.ADD if places.size else Marker.DELETE,
+            pose=Pose(orientation=Quaternion(w=1.0)),
+            scale=Vector3(x=size, y=_HEAD if is_arrow else size, z=0.0 if is_arrow else size),
+            color=ColorRGBA(r=red, g=green, b=blue, a=1.0),
+            # As the clouds: the lower wall is one backlash below the upper one.
+            points=[Point(x=phase, y=velocity, z=-1.0 if velocity < 0.0 else 0.0)
+                    for phase, velocity in places.reshape(-1, 2).tolist()]))
+    return found
 
 
 def events_from_cloud(cloud: PointCloud2) -> EventArray:

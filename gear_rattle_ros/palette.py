@@ -38,6 +38,10 @@ ENDS: Final = {UNSETTLED: '#b0b0b0', RESTS_UPPER: '#424242', RESTS_LOWER: '#7777
                FLOATING: '#141414'}
 # Lines and words beside what is drawn.
 GREY: Final = '#606060'
+# What organises the basins, over them on a dark ground.
+LAYERS: Final = {
+    'unstable_orbits': SKY, 'unstable_manifold': AMBER, 'stable_manifold': HUES[10],
+    'edge_state': PURPLE, 'smallest_kick': '#ffffff'}
 # Exponents: neighbouring trajectories converge, neither, diverge; and where all memory is lost.
 EXPONENTS: Final = ('#0c4a8c', '#f7f7f7', '#b22e18')
 FORGOTTEN: Final = '#4d4d4d'

@@ -56,7 +56,7 @@ OVERRIDING: Final = QoSOverridingOptions((
     QoSPolicyKind.DURABILITY))
 _CHOICES: Final[Mapping[str, type[enum.Enum]]] = {
     'history': HistoryPolicy, 'reliability': ReliabilityPolicy, 'durability': DurabilityPolicy}
-_BASIN: Final = ('basin', 'attractors', 'basin_state')
+_BASIN: Final = ('basin', 'attractors', 'basin_state', 'skeleton')
 # The topics of each node. Not here are those of ROS itself, and impacts in the basin node, which
 # is for the newest batch only. Those of replay are in its bag.
 OVERRIDABLE: Final[Mapping[str, Mapping[str, Sequence[str]]]] = {

@@ -25,6 +25,7 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, JointState, PointCloud2
+from visualization_msgs.msg import MarkerArray
 import yaml
 
 from gear_rattle_ros.places import config_folder
@@ -37,10 +38,11 @@ URDF = config_folder('urdf') / 'gears.urdf'
 TYPES = {
     '/impacts': PointCloud2, '/attractors': PointCloud2, '/basin': Image,
     '/joint_states': JointState, '/lyapunov': JointState, '/transient': DiagnosticArray,
-    '/diagnostics': DiagnosticArray, '/last_impact': JointState,
+    '/diagnostics': DiagnosticArray, '/last_impact': JointState, '/skeleton': MarkerArray,
 }
 # What RViz's displays show: their classes in rviz_default_plugins, and message types.
-DISPLAYS = {'rviz_default_plugins/PointCloud2': PointCloud2, 'rviz_default_plugins/Image': Image}
+DISPLAYS = {'rviz_default_plugins/PointCloud2': PointCloud2, 'rviz_default_plugins/Image': Image,
+            'rviz_default_plugins/MarkerArray': MarkerArray}
 # Panels of Foxglove and its free sister Lichtblick.
 PANELS = {'3D', 'Image', 'Plot', 'DiagnosticSummary', 'RawMessages', 'Parameters', 'CallService'}
 
@@ -125,7 +127,8 @@ def test_rviz_shows_the_section_in_its_own_frame() -> None:
     assert manager['Views']['Current']['Target Frame'] == 'section'
     shown = {each['Topic']['Value']: DISPLAYS[each['Class']] for each in manager['Displays']
              if 'Topic' in each}
-    assert shown == {name: TYPES[name] for name in ('/impacts', '/attractors', '/basin')}
+    assert shown == {name: TYPES[name] for name in (
+        '/impacts', '/attractors', '/skeleton', '/basin')}
     gears = [each for each in manager['Displays'] if each['Class'].endswith('/RobotModel')]
     assert [each['Description Topic']['Value'] for each in gears] == ['/robot_description']
 
@@ -155,7 +158,7 @@ def test_plotjuggler_layout_is_whole() -> None:
 def quality(display: dict | None, topic: str) -> QoSProfile:
     """Return the quality of service that a display of RViz asks for."""
     if display is None:
-        return LATCHED if topic in ('/basin', '/attractors', '/transient') else STREAM
+        return LATCHED if topic in ('/basin', '/attractors', '/skeleton', '/transient') else STREAM
     said = display['Topic']
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST, depth=said['Depth'],

@@ -30,6 +30,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from .base.event_input import arrived
 from .base.node import ReportingNode
@@ -41,6 +42,7 @@ from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.kicks import Kick, smallest_kick
 from ..attractors.matching import points_of, recognise, Trace
 from ..attractors.plane import Plane
+from ..attractors.skeleton import skeletons
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch, WHOLE_FROM
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.chaotic_sets import BRIEF
@@ -102,6 +104,7 @@ class Settings:
     threads: int
     niceness: int
     frame: str = messages.SECTION_FRAME
+    has_skeleton: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,10 +127,11 @@ class Picture:
 
 @dataclasses.dataclass(frozen=True)
 class Kicks:
-    """The smallest kick of every attractor, by label."""
+    """The smallest kick of every attractor, by label, and later what organises its basin."""
 
     catalogue: Catalogue
     kicks: Mapping[int, Kick | None]
+    skeletons: Mapping[int, MarkerArray] = dataclasses.field(default_factory=dict)
 
 
 class Job(threading.Thread):
@@ -179,17 +183,20 @@ class Job(threading.Thread):
             self._put(self, picture_of(wanted, basins, hues, memory, settings))
             if kicks is None and basins.is_complete and len(basins.labels) >= min(
                     WHOLE_FROM, settings.sizes[-1]):
-                kicks = self._kicks(basins.catalogue)
+                kicks = Kicks(basins.catalogue, {each.label: smallest_kick(
+                    basins.catalogue, each, steps=KICK_STEPS, cap=basins.catalogue.hold,
+                    threads=settings.threads, check=self._check)
+                    for each in basins.catalogue.attractors})
                 self._put(self, kicks)
+        if kicks is not None and settings.has_skeleton:
+            for found in skeletons(kicks.catalogue, kicks.kicks, planes[-1], self._check):
+                self._put(self, dataclasses.replace(kicks, skeletons={
+                    label: messages.markers_from_layers(layers, wanted.stamp, settings.frame)
+                    for label, layers in found.items()}))
 
-    def _kicks(self, catalogue: Catalogue) -> Kicks:
-        def check() -> None:
-            if self.dropped.is_set():
-                raise Dropped
-
-        return Kicks(catalogue, {each.label: smallest_kick(
-            catalogue, each, steps=KICK_STEPS, cap=catalogue.hold,
-            threads=self._settings.threads, check=check) for each in catalogue.attractors})
+    def _check(self) -> None:
+        if self.dropped.is_set():
+            raise Dropped
 
 
 class Basin(ReportingNode):
@@ -202,7 +209,7 @@ class Basin(ReportingNode):
         self._settings = Settings(
             sizes_up_to(int(self.number('size'))), self.values['plane'] == 'section',
             self.number('displacement'), self.number('velocity_limit'),
-            cap, threads, niceness, self.frame())
+            cap, threads, niceness, self.frame(), bool(self.values['skeleton']))
         self._memory = Memory()
         self._wanted: Wanted | None = None
         # The job that runs, and the one that was started last.
@@ -213,6 +220,7 @@ class Basin(ReportingNode):
         self._last: tuple[EventArray, Time] | None = None
         self._kicks: Kicks | None = None
         self._announced: tuple[int, int] | None = None
+        self._skeleton: MarkerArray | None = None
         self._waking, self._is_closed = threading.Lock(), False
         self._words = 'no impacts yet'
         self._counts = {'pictures': 0, 'parameters': 0, 'dropped': 0}
@@ -222,6 +230,7 @@ class Basin(ReportingNode):
         self._outputs = [self.create_publisher(kind, name, LATCHED) for kind, name in (
             (DiagnosticArray, 'basin_state'), (PointCloud2, 'attractors'), (Image, 'basin'))]
         self._kick_output = self.create_publisher(DiagnosticArray, 'smallest_kick', LATCHED)
+        self._skeleton_output = self.create_publisher(MarkerArray, 'skeleton', LATCHED)
         self._stream = self.create_subscription(
             PointCloud2, 'impacts', lambda cloud: None, NEWEST, callback_group=Unwatched())
         self._arrived = self.create_guard_condition(self._publish)
@@ -262,6 +271,7 @@ class Basin(ReportingNode):
                                   before is not None and now - before.since < SETTLED)
             self._counts['parameters'] += 1
             self._kicks = self._announced = None
+            self._show(None, cloud.header.stamp)
         elif is_new_epoch:
             self._announce()
 
@@ -277,6 +287,14 @@ class Basin(ReportingNode):
         if (label, epoch) != self._announced:
             self._announced = label, epoch
             self._kick_output.publish(kick_report(self._kicks, label, epoch, stamp))
+        self._show(self._kicks.skeletons.get(label), stamp)
+
+    def _show(self, skeleton: MarkerArray | None, stamp: Time) -> None:
+        # None deletes what was shown.
+        if skeleton is not self._skeleton:
+            self._skeleton = skeleton
+            self._skeleton_output.publish(
+                skeleton or messages.markers_from_layers({}, stamp, self._settings.frame))
 
     def _decide(self) -> None:
         wanted, job, begun = self._wanted, self._job, self._begun

@@ -19,12 +19,14 @@ import math
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 from rclpy.utilities import try_shutdown
 from rich.console import Console
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
+from visualization_msgs.msg import Marker, MarkerArray
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
@@ -59,8 +61,14 @@ CLOUDS = st.builds(
     st.lists(st.sampled_from(['x', 'y', 'rgb']), max_size=4), st.sampled_from([0, 4, 2**32 - 1]),
     st.sampled_from([7, 8, 0, 255]), st.sampled_from([1, 0]),
     st.sampled_from([12, 0, 4, 2**32 - 1]), st.sampled_from([b'', bytes(24), bytes(7)]))
+MARKERS = st.builds(lambda markers: MarkerArray(markers=markers), st.lists(st.builds(
+    lambda name, kind, points: Marker(ns=name, type=kind, points=[
+        Point(x=x, y=y) for x, y in points]),
+    st.sampled_from(['', 'unstable_orbits', 'stable_manifold', 'smallest_kick']),
+    st.sampled_from([Marker.ARROW, Marker.LINE_LIST, 99]),
+    st.lists(st.tuples(st.floats(), st.floats(-1e300, 1e300)), max_size=5)), max_size=3))
 MESSAGES = {'lyapunov': ESTIMATES, 'transient': REPORTS, 'diagnostics': REPORTS, 'basin': IMAGES,
-            'attractors': CLOUDS, 'basin_state': REPORTS}
+            'attractors': CLOUDS, 'basin_state': REPORTS, 'skeleton': MARKERS}
 
 
 @pytest.fixture

@@ -30,12 +30,14 @@ from rclpy.node import Node
 from rerun.chunk import Chunk, RrdReader
 from rerun.error_utils import RerunWarning
 from sensor_msgs.msg import JointState, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State
 from gear_rattle_ros.messages import (
     cloud_from_events,
     diagnostic_array,
+    markers_from_layers,
     named_values,
     stamp_from_nanoseconds,
 )
@@ -166,11 +168,17 @@ def test_file_holds_what_was_sent(start: Callable, rclpy_node: Node, spin: Calla
     clouds = rclpy_node.create_publisher(PointCloud2, 'impacts', STREAM)
     estimates = rclpy_node.create_publisher(JointState, 'lyapunov', STREAM)
     transients = rclpy_node.create_publisher(DiagnosticArray, 'transient', LATCHED)
+    skeletons = rclpy_node.create_publisher(MarkerArray, 'skeleton', LATCHED)
+    layers = {'unstable_orbits': np.array([[1.0, 0.5], [2.0, -0.5]]),
+              'stable_manifold': np.array([[[0.0, 0.5], [1.0, 1.0]], [[1.0, 1.0], [2.0, 1.0]],
+                                           [[4.0, 0.0], [5.0, 0.5]]]),
+              'smallest_kick': np.array([[[3.0, 0.5], [3.0, 0.75]]])}
+    skeletons.publish(markers_from_layers(layers, STAMP))
     transients.publish(diagnostic_array('t', 't', 'ok', 'transient since impact 0', {}, STAMP))
     reports = listen(rclpy_node)
     viewer = start('viewer', '--ros-args', '-p', 'mode:=none', '-p', f'save:={path}')
     viewer.wait_for('ready')
-    spin(lambda: clouds.get_subscription_count() and estimates.get_subscription_count())
+    spin(lambda: all(each.get_subscription_count() for each in (clouds, estimates, skeletons)))
     events = story()
     half = len(events) // 2
     values = {'lambda_1': 0.25, 'lambda_2': -0.75, 'lambda_1_error': 0.125,
@@ -178,6 +186,8 @@ def test_file_holds_what_was_sent(start: Callable, rclpy_node: Node, spin: Calla
               'window': 1000.0, 'epoch': 0.0, 'impacts': 500.0, 'index': 100.0}
     clouds.publish(cloud_from_events(events[:half], STAMP))
     spin(lambda: drawn(reports) == len(impacts_sent(events[:half])))
+    skeletons.publish(markers_from_layers(
+        {name: layers[name] for name in ('stable_manifold', 'smallest_kick')}, STAMP))
     estimates.publish(named_values(values, STAMP))
     clouds.publish(cloud_from_events(events[half:], STAMP))
     spin(lambda: drawn(reports) == len(impacts_sent(events)))
@@ -204,6 +214,14 @@ def test_file_holds_what_was_sent(start: Callable, rclpy_node: Node, spin: Calla
     assert column(chunks, '/log', 'TextLog:text') == [['transient since impact 0']]
     text = column(chunks, '/state', 'TextDocument:text')[-1][0]
     assert 'transient since impact 0' in text and '1.244' in text and '0.25000 ± 0.12500' in text
+    below = '/section/plane/skeleton'
+    # What has been deleted is gone.
+    assert column(chunks, f'{below}/unstable_orbits', 'Points2D:positions') == [
+        [[1.0, 0.5], [2.0, -0.5]], []]
+    assert column(chunks, f'{below}/stable_manifold', 'LineStrips2D:strips')[-1] == [
+        [[0.0, 0.5], [1.0, 1.0]], [[1.0, 1.0], [2.0, 1.0]], [[4.0, 0.0], [5.0, 0.5]]]
+    assert column(chunks, f'{below}/unstable_manifold', 'LineStrips2D:strips')[-1] == []
+    assert column(chunks, f'{below}/smallest_kick', 'Arrows2D:vectors')[-1] == [[0.0, 0.25]]
     scale = column(chunks, '/section/plane', 'Transform3D:scale')[-1][0]
     assert abs(scale[1]) * np.abs(impacts['velocity']).max() <= HALF_HEIGHT
 

@@ -32,16 +32,18 @@ import pytest
 
 from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.skeleton import skeletons
 from gear_rattle_ros.attractors.watching import Basins, glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.messages import markers_from_layers
 from gear_rattle_ros.nodes.basin import Memory, picture_of, Settings, Wanted
-from gear_rattle_ros.nodes.viewer.basin import BasinInput
+from gear_rattle_ros.nodes.viewer.basin import BasinInput, layers_of
 from gear_rattle_ros.nodes.viewer.recent import Recent
 from gear_rattle_ros.nodes.viewer.scene import Scene
 from gear_rattle_ros.nodes.viewer.sinks import file_recording
-from gear_rattle_ros.palette import AMBER, BLUE, PURPLE, RED, rgb, SKY
+from gear_rattle_ros.palette import AMBER, BLUE, LAYERS, PURPLE, RED, rgb, SKY
 
 pytestmark = pytest.mark.long
 WIDTH, HEIGHT = 1280, 720
@@ -83,6 +85,8 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert inputs.take('attractors', picture.attractors) is None
     drawn = inputs.take('basin_state', picture.state)
     assert drawn is not None
+    *_, last = skeletons(basins.catalogue, {}, basins.plane, lambda: None)
+    layers = layers_of(markers_from_layers(last[0], Time(sec=7)))
     simulation = Simulation(Parameters(0.57), State(0, 0.0, 0.0, -1.0))
     recent, running, clock = Recent(1000), RunningLyapunov(), 0.0
     for cycle in range(20, 801, 20):
@@ -90,6 +94,7 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
         if cycle == 400:
             events = np.concatenate([events, simulation.retune(Parameters(0.48))])
             scene.take_basin(drawn)
+            scene.take_layers(layers)
         recent.take(events)
         running.update(events)
         report = running.report
@@ -254,6 +259,9 @@ def check(pixels: Pixels, basins: Basins) -> None:
 
     assert [all(map(is_bright, orbit.phases, orbit.velocities))
             for orbit in basins.catalogue.orbits].count(True) == 1
+    # The layers over the basins.
+    for name in ('unstable_manifold', 'stable_manifold', 'edge_state'):
+        assert like(section, LAYERS[name]).sum() > 100, name
     flight = part(pixels, FLIGHT)
     walls = walls_of(pixels)
     assert walls[-1] - walls[0] > 60

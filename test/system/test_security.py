@@ -124,6 +124,7 @@ def bag_of_everything(path: Path) -> None:
         ('attractors', 'sensor_msgs/msg/PointCloud2'),
         ('basin_state', 'diagnostic_msgs/msg/DiagnosticArray'),
         ('smallest_kick', 'diagnostic_msgs/msg/DiagnosticArray'),
+        ('skeleton', 'visualization_msgs/msg/MarkerArray'),
     ):
         channel = writer.add_topic(topic(f'/{name}', kind))
         if name == 'impacts':

@@ -29,6 +29,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from .recording import Received, Recording
 from ..base.dds_room import bound_backlog
@@ -53,6 +54,7 @@ _TOPICS: Final = (
     ('attractors', PointCloud2, _LATCHED_INPUT),
     ('basin_state', DiagnosticArray, _LATCHED_INPUT),
     ('smallest_kick', DiagnosticArray, _LATCHED_INPUT),
+    ('skeleton', MarkerArray, _LATCHED_INPUT),
     ('/diagnostics', DiagnosticArray, STREAM_INPUT),
     ('/parameter_events', ParameterEvent, STREAM_INPUT),
     ('/clock', Clock, profile(1000, is_reliable=False)),

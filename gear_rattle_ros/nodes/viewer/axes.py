@@ -22,8 +22,9 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from .basin import EDGE, KICK, LINES
 from ...core.arrays import FloatArray
-from ...palette import AMBER, rgba, SKY
+from ...palette import AMBER, LAYERS, rgba, SKY
 
 TWO_PI = 2.0 * math.pi
 # Half the height of the section; its width is 2 pi. Velocities are scaled to it.
@@ -40,6 +41,8 @@ FAINT: Final = 0x4A4F58FF
 LABEL: Final = 0xE4E7ECFF
 # Basins are faint so that impacts stand out.
 BASIN_OPACITY: Final = 0.35
+# Entities of what organises them begin with it.
+SKELETON: Final = 'section/plane/skeleton/'
 # Plasma without its darkest part, evenly spaced.
 PLASMA: Final = np.array([
     (0x74, 0x3A, 0xC0), (0x96, 0x38, 0xB8), (0xB8, 0x3C, 0x98), (0xD8, 0x57, 0x6B),
@@ -69,6 +72,7 @@ def section_axes() -> list[Logged]:
         ('section/grid', _lines(inner, 0.4, FAINT, 0.0)),
         ('section/phase', _labels(ticks, ['0', 'π/2', 'π', '3π/2', '2π'])),
         ('section/velocity', rr.Points2D.from_fields(radii=0.0, colors=LABEL, show_labels=True)),
+        *((SKELETON + name, _styles(name, rgba(colour))) for name, colour in LAYERS.items()),
         ('section/plane/attractors', rr.Points2D.from_fields(
             radii=rr.Radius.ui_points(3.5), draw_order=20.0)),
         ('section/plane/impacts', rr.Points2D.from_fields(
@@ -94,6 +98,19 @@ def flight_axes() -> list[Logged]:
         ('flight/tau', _labels(
             ticks, [f'{x}'.replace('-', '−') for x in range(first, last + 1)])),
         ('flight/walls', _labels([(edge, -0.1), (edge, 0.75)], ['s = 0', 's = −1']))]
+
+
+def _styles(name: str, colour: int) -> rr.AsComponents:
+    if name == KICK:
+        return rr.Arrows2D.from_fields(
+            radii=rr.Radius.ui_points(1.5), colors=colour, draw_order=25.0)
+    if name in LINES:
+        return rr.LineStrips2D.from_fields(
+            radii=rr.Radius.ui_points(0.6), colors=colour, draw_order=5.0)
+    # The many points of an edge state would hide the few of an orbit.
+    size, order = (1.4, 8.0) if name == EDGE else (2.5, 12.0)
+    return rr.Points2D.from_fields(
+        radii=rr.Radius.ui_points(size), colors=colour, draw_order=order)
 
 
 def _lines(strips: Any, width: float, colour: int, order: float) -> rr.LineStrips2D:

@@ -17,14 +17,23 @@
 import dataclasses
 import io
 import math
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import numpy.typing as npt
 import PIL.Image
 from sensor_msgs.msg import Image, PointCloud2, PointField
+from visualization_msgs.msg import MarkerArray
 
+from ...core.arrays import FloatArray
+from ...palette import LAYERS
+
+EDGE: Final = 'edge_state'
+KICK: Final = 'smallest_kick'
+LINES: Final = ('unstable_manifold', 'stable_manifold', KICK)
+# Phase and velocity by layer, shape (n, 2); of lines those of both ends, shape (n, 2, 2).
+Layers: TypeAlias = dict[str, FloatArray]
 PARTS: Final = {'basin': Image, 'attractors': PointCloud2, 'basin_state': DiagnosticArray}
 
 
@@ -85,3 +94,17 @@ def points_of(cloud: PointCloud2) -> tuple[npt.NDArray[np.float32], npt.NDArray[
         'offsets': [offsets[name] for name in names], 'itemsize': cloud.point_step}))
     return (np.stack([records['x'], records['y']], axis=1),
             np.asarray(records['rgb'] << np.uint32(8) | np.uint32(0xFF)))
+
+
+def layers_of(message: MarkerArray) -> Layers:
+    """Return the places of every layer that is named; of one that is deleted, none."""
+    found: Layers = {}
+    for marker in message.markers:
+        if marker.ns not in LAYERS:
+            raise ValueError(f'{marker.ns!r:.40} is none of {", ".join(LAYERS)}')
+        places = np.array([(point.x, point.y) for point in marker.points])
+        # Not so where one is no number, either.
+        if not (np.abs(places) < 1e9).all():
+            raise ValueError(f'{marker.ns} has places that are out of all range')
+        found[marker.ns] = places.reshape((-1, 2, 2) if marker.ns in LINES else (-1, 2))
+    return found

@@ -23,8 +23,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
 
-from .basin import BasinInput, BasinPicture, PARTS
+from .basin import BasinInput, BasinPicture, layers_of, PARTS
 from .recent import Recent
 from .scene import DRAWN_MOST, INTERVAL, Scene
 from .sinks import add_index, chosen_mode, file_recording, Window
@@ -76,6 +77,7 @@ class Viewer(ReportingNode):
         listen(self, DiagnosticArray, 'transient', self._take_transient, LATCHED)
         for name, kind in PARTS.items():
             listen(self, kind, name, functools.partial(self._take_basin, name), LATCHED)
+        listen(self, MarkerArray, 'skeleton', self._take_skeleton, LATCHED)
         self.every(INTERVAL, self._draw)
         self.get_logger().info('ready')
 
@@ -135,6 +137,11 @@ class Viewer(ReportingNode):
             self._basin = picture
             for scene in self._scenes:
                 scene.take_basin(picture)
+
+    def _take_skeleton(self, message: MarkerArray) -> None:
+        layers = layers_of(message)
+        for scene in self._scenes:
+            scene.take_layers(layers)
 
     def _draw(self) -> None:
         now = time.monotonic()

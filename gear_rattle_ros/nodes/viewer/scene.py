@@ -24,7 +24,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from . import axes
-from .basin import BasinPicture
+from .basin import BasinPicture, KICK, Layers, LINES
 from .recent import Recent, ROW, RowArray
 from ..base.scales import nice_limit
 from ...core.arrays import FloatArray
@@ -75,6 +75,7 @@ class Scene:
         self._limit = self._needed = 0.0
         self._basin: BasinPicture | None = None
         self._has_new_basin = False
+        self._layers: Layers = {}
         self._estimates: deque[Mapping[str, float]] = deque(maxlen=ESTIMATES_MOST)
         self._document = ''
         for path, archetype in (*axes.section_axes(), *axes.flight_axes()):
@@ -100,6 +101,10 @@ class Scene:
         """Take a picture of the basins; only the newest of each interval is drawn."""
         self._basin, self._has_new_basin = picture, True
 
+    def take_layers(self, layers: Layers) -> None:
+        """Take what is drawn over the basins; only the newest of each interval is drawn."""
+        self._layers = layers
+
     def draw(self, recent: Recent, document: str, time: float) -> None:
         """Log what is new at a moment of wall time [s]."""
         age = time - (time if self._begun is None else self._begun)
@@ -115,6 +120,7 @@ class Scene:
             self._seen = recent.seen
         self._draw_exponents(recent)
         self._draw_basin(recent.now)
+        self._draw_layers(recent.now)
         if document != self._document:
             self._document = document
             self._send('state', recent.now, rr.TextDocument.columns(
@@ -175,6 +181,15 @@ class Scene:
             draw_order=[-10.0]))
         self._send('section/plane/attractors', now, points(
             positions=picture.points, colors=picture.colours))
+
+    def _draw_layers(self, now: Place) -> None:
+        for name, places in self._layers.items():
+            columns = (
+                rr.Points2D.columns(positions=places) if name not in LINES else
+                rr.LineStrips2D.columns(strips=list(places)) if name != KICK else
+                rr.Arrows2D.columns(origins=places[:, 0], vectors=places[:, 1] - places[:, 0]))
+            self._send(axes.SKELETON + name, now, columns.partition([len(places)]))
+        self._layers = {}
 
     def _draw_flight(self, recent: Recent) -> None:
         motion = rebuild(recent.whole(), FLIGHT_STEP, axes.FLIGHT_PERIODS)

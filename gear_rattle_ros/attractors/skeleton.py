@@ -1,0 +1,153 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What organises the basins, for somebody who watches: quick, and drawn on the section."""
+
+from collections.abc import Iterator, Mapping
+import contextlib
+import dataclasses
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from .catalogue import Attractor, Catalogue
+from .finding import Check, conserves_areas
+from .kicks import Kick
+from .orbits import find_orbits
+from .plane import Plane
+from .saddles import Straddling
+from ..core.arrays import FloatArray, IntArray
+from ..core.flight.elementary import TWO_PI
+from ..core.many.settling import UNSETTLED
+from ..core.orbits.curves import grow, impact_map, segments_of
+from ..core.orbits.manifolds import saddle_of
+from ..core.orbits.orbit import Orbit
+from ..core.orbits.section import distances
+
+#: Places (phase, velocity before the impact) by layer: points of shape (n, 2), or pieces of lines
+#: from one place to another of shape (n, 2, 2).
+Layers: TypeAlias = Mapping[str, FloatArray]
+
+ORBITS, UNSTABLE, STABLE, EDGE, KICK = LAYERS = (
+    'unstable_orbits', 'unstable_manifold', 'stable_manifold', 'edge_state', 'smallest_kick')
+# Impacts of the longest orbits, and points of the section from which they are sought.
+LONGEST: Final = 6
+FIRST: Final = 256
+MOST: Final = 2048
+# Impacts of the edge state, and of each of the rays to the boundary of a basin.
+STRADDLED: Final = 400
+REACHED: Final = 100
+RAYS: Final = 4
+# How near a boundary is to an orbit on it [rad, 1].
+CLOSE: Final = 0.01
+# Length and precision of each side of a manifold, and its fastest impact in units of the plane's.
+LENGTH: Final = 40.0
+PRECISION: Final = 0.01
+FASTER: Final = 3.0
+# A step over the edge of the picture is no line.
+WIDE: Final = 3.0
+SEED: Final = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Watched(Straddling):
+    """Straddles as long as it is wanted."""
+
+    check: Check
+
+    def values(self, points: FloatArray) -> IntArray:
+        """Return the labels; what `check` raises gives up."""
+        self.check()
+        return super().values(points)
+
+
+def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Plane, check: Check
+              ) -> Iterator[dict[int, Layers]]:
+    """
+    Compute the layers of every attractor, by label, as far as they are known.
+
+    They are yielded again when there are more, the smallest kick and the unstable orbits first.
+    `check` is called many times a second, and raises to give up. There are none where areas are
+    preserved, and nothing attracts.
+    """
+    parameters, random = catalogue.parameters, np.random.default_rng(SEED)
+    attractors = catalogue.attractors
+    if conserves_areas(parameters):
+        return
+    orbits = find_orbits(parameters, LONGEST, first=FIRST, most=MOST, threads=1,
+                         reached=lambda points, found: check()).unstable
+    layers: dict[int, Layers] = {each.label: within(plane, {ORBITS: np.concatenate(
+        [np.zeros((0, 2)), *(orbit.points for orbit in orbits)])}) for each in attractors}
+    for label, kick in kicks.items():
+        if kick is not None and parameters.restitution:
+            # As a change of the velocity before the impact it does the same.
+            layers[label] = {**layers[label], KICK: np.array([[
+                (kick.phase, kick.velocity),
+                (kick.phase, kick.velocity - kick.change / parameters.restitution)]])}
+    yield layers
+    bounded = [each for each in attractors if each.label != UNSETTLED]
+    # With one attractor there is no boundary, and where impacts forget everything no way back.
+    if len(bounded) < 2 or not parameters.restitution:
+        return
+    straddling = Watched(catalogue, True, catalogue.hold, check)
+    known: dict[str, Layers] = {}
+    for each in bounded:
+        saddle = accessible_saddle(straddling, each, orbits, random)
+        if saddle is None:
+            continue
+        if saddle.key not in known:
+            known[saddle.key] = within(plane, manifolds(saddle, plane, check))
+        layers = layers | {each.label: {**layers[each.label], **known[saddle.key]}}
+        yield layers
+    # ValueError where random initial conditions of the plane are in one basin.
+    with contextlib.suppress(ValueError):
+        edge = within(plane, {EDGE: straddling.follow(plane, STRADDLED, random)})
+        yield {label: {**mine, **edge} for label, mine in layers.items()}
+
+
+def accessible_saddle(straddling: Straddling, attractor: Attractor, orbits: tuple[Orbit, ...],
+                      random: np.random.Generator) -> Orbit | None:
+    """Return the orbit on which the boundary that an attractor meets first stays the longest."""
+    points = np.concatenate([straddling.accessible(attractor, REACHED, random)
+                             for _ in range(RAYS)])
+    shares = [np.sum(distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
+                               orbit.phases[:, None]) < CLOSE) / orbit.impacts
+              for orbit in orbits]
+    return orbits[int(np.argmax(shares))] if max(shares, default=0.0) > 0.0 else None
+
+
+def manifolds(orbit: Orbit, plane: Plane, check: Check) -> Layers:
+    """Return both manifolds of a saddle."""
+    fastest = FASTER * max(map(abs, plane.velocity))
+    parts: dict[str, list[FloatArray]] = {UNSTABLE: [], STABLE: []}
+    for _, segment, backwards in segments_of(saddle_of(orbit)):
+        map_on = impact_map(orbit.parameters.model, backwards=backwards, fastest=fastest)
+
+        def mapped(walls: IntArray, points: FloatArray, times: int) -> tuple[IntArray, FloatArray]:
+            check()
+            return map_on(walls, points, times)  # noqa: B023
+
+        curve = grow(segment, mapped, length=LENGTH, tolerance=PRECISION)
+        places = np.column_stack([np.mod(curve.points[:, 0], TWO_PI), curve.points[:, 1]])
+        joined = ~curve.begins[1:] & (np.abs(np.diff(places[:, 0])) < WIDE)
+        parts[STABLE if backwards else UNSTABLE].append(
+            np.stack([places[:-1][joined], places[1:][joined]], axis=1))
+    return {name: np.concatenate(both) for name, both in parts.items()}
+
+
+def within(plane: Plane, layers: Layers) -> Layers:
+    """Leave out what is faster than the plane."""
+    fastest = max(map(abs, plane.velocity))
+    return {name: places[np.abs(places[..., 1]).max(axis=tuple(range(1, places.ndim - 1)))
+                         <= fastest] for name, places in layers.items()}
