@@ -16,7 +16,8 @@
 How soon the explorer answers in a real browser: first picture and 400 x 400 after each touch.
 
 Times are taken in the page, from the moment the wheel, the drag or the slider's key reaches it to
-the moment a picture of the new view has arrived and is drawn. The peer is what answers the same
+the moment a picture of the new view has arrived and is drawn. Layers are timed from a click, with all
+of them switched on, one attractor or saddle after the other. The peer is what answers the same
 question without an explorer: the tool `basins`, in a separate process.
 """
 

@@ -119,7 +119,7 @@ class Page:
         home.on_click(self._go_home)
         save = Button(name='save', label='save this view', width=110, button_type='primary')
         save.on_click(lambda: self._saving.begin(self._shown.view))
-        send = Button(name='send', label='send the point to the simulator', width=200,
+        send = Button(name='send', label='send to the simulator', width=160,
                       button_type='success')
         send.on_click(self._send)
         self._compare.on_change('active', self._toggle)

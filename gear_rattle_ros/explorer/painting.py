@@ -116,7 +116,7 @@ def legend_of_layers(layers: Layers) -> str:
     """Return what there is to say about layers, in HTML, as the words are."""
     return '&emsp;'.join(
         ' '.join([*map(_swatch, SWATCHES.get(name, ())), layers.words.get(name, '...')])
-        for name in dict.fromkeys([*layers.asked.names, *layers.words]))
+        for name in ([''] if '' in layers.words else layers.asked.names))
 
 
 def _paint_exponents(exponents: npt.NDArray[np.float32]) -> Pixels:
