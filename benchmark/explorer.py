@@ -17,8 +17,8 @@ How soon the explorer answers in a real browser: first picture and 400 x 400 aft
 
 Times are taken in the page, from the moment the wheel, the drag or the slider's key reaches it to
 the moment a picture of the new view has arrived and is drawn. Layers are timed from the click that
-switches them on, at parameters not seen before, and from a click on the plane. The peer is what answers the same
-question without an explorer: the tool `basins`, in a separate process.
+switches them on, and from a click on the plane with all of them on. The peer is what answers the
+same question without an explorer: the tool `basins`, in a separate process.
 """
 
 import os
