@@ -234,7 +234,8 @@ class Skeleton:
                      f'{titles.get(kick.target, kick.target)}: {kick.change:+.4g} at the '
                      f'{SIDES[-float(kick.wall)]} wall, phase {kick.phase:.4f}')
             here = int(kick.wall == -asked.view.displacement)
-            yield {KICK: words + ('' if here else f' (set s₀ to {"−1" if kick.wall else "0"} to see it)')}, {
+            other = f' (set s₀ to {"−1" if kick.wall else "0"} to see it)'
+            yield {KICK: words + ('' if here else other)}, {
                 'kick': np.array([kick.phase, kick.velocity_after, kick.phase,
                                   kick.velocity_after + kick.change]).reshape(1, 4)[:here]}
 
