@@ -151,11 +151,12 @@ class Skeleton:
                 found = self._orbits = find(LONGEST, POINTS, None)
             elif not found.is_complete and found.points < MOST:
                 found = self._orbits = find(LONGEST, 2 * found.points, found)
+            unstable = tuple(each for each in found.orbits if not each.is_stable)
             if ORBITS in asked.names:
-                yield {ORBITS: f'{counted(len(found.unstable), "unstable orbit")} of up to '
-                               f'{counted(found.longest, "impact")}'}, {'orbits': found.unstable}
+                yield {ORBITS: f'{counted(len(unstable), "unstable orbit")} of up to '
+                               f'{counted(found.longest, "impact")}'}, {'orbits': unstable}
             if MANIFOLDS in asked.names:
-                nearest = nearest_saddle(asked, found.unstable)
+                nearest = nearest_saddle(asked, unstable)
                 if nearest is None:
                     yield {MANIFOLDS: 'no saddle is found'}, {}
                 elif saddle is None or nearest.key != saddle.key:
