@@ -16,8 +16,9 @@
 How soon the explorer answers in a real browser: first picture and 400 x 400 after each touch.
 
 Times are taken in the page, from the moment the wheel, the drag or the slider's key reaches it to
-the moment a picture of the new view has arrived and is drawn. The peer is what answers the same
-question without an explorer: the tool `basins`, in a separate process.
+the moment a picture of the new view has arrived and is drawn. Layers are timed from the click that
+switches them on, and from a click on the plane with all of them on. The peer is what answers the
+same question without an explorer: the tool `basins`, in a separate process.
 """
 
 import os
@@ -91,6 +92,36 @@ def measure(tab: Tab, kind: str) -> tuple[list[float], list[float]]:
     return first, fine
 
 
+def measure_layers(tab: Tab) -> None:
+    """Print seconds from a click to each layer: switched on, and of another point."""
+    tab.page.evaluate("""() => {
+        window.times = {};
+        const find = (name) => Bokeh.documents[0].get_model_by_name(name);
+        for (const name of ['orbits', 'unstable', 'stable', 'edge', 'kick'])
+            find(name).properties.data.change.connect(() => {
+                if (find(name).data.x.length) requestAnimationFrame(() => {
+                    window.times[name] ??= (performance.now() - window.began) / 1e3;
+                });
+            });
+        const mark = () => { window.began = performance.now(); window.times = {}; };
+        document.addEventListener('pointerdown', mark, {capture: true});
+    }""")
+    # The smallest kick at 0.48 is at the lower wall.
+    tab.page.locator('input').nth(4).fill('-1')
+    tab.page.locator('input').nth(4).press('Enter')
+    tab.wait_for_cells(400)
+    clicks = [('switched on', name) for name in ('orbits', 'manifolds', 'edge state', 'kick')]
+    for words, name in [*clicks, *[('clicked', place) for place in ((200, 150), (450, 200))]]:
+        if isinstance(name, str):
+            tab.page.get_by_text(name, exact=True).click()
+        else:
+            tab.page.mouse.click(*name)
+        time.sleep(6.0)
+        found = ', '.join(f'{layer} {at:.2f} s' for layer, at in sorted(
+            tab.page.evaluate('window.times').items(), key=lambda one: one[1]))
+        print(f'  {words} {name}: {found}')
+
+
 def main() -> None:
     """Print all figures."""
     with tempfile.TemporaryDirectory() as name:
@@ -111,6 +142,7 @@ def main() -> None:
                     print(f'  {kind:6s} first picture {np.median(first):.3f} s '
                           f'({max(first):.3f}), 400 x 400 {np.median(fine):.2f} s '
                           f'({max(fine):.2f})')
+                measure_layers(tab)
         finally:
             server.terminate()
             server.wait()

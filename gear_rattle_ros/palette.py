@@ -36,6 +36,10 @@ BLUE, RED, GREEN, PURPLE, AMBER, SKY = HUES[:6]
 # Labels that are not attractors.
 ENDS: Final = {UNSETTLED: '#b0b0b0', RESTS_UPPER: '#424242', RESTS_LOWER: '#777777',
                FLOATING: '#141414'}
+# Manifolds, and marks over basins.
+UNSTABLE: Final = '#000000'
+STABLE: Final = '#00682d'
+MARK: Final = '#c2007a'
 # Lines and words beside what is drawn.
 GREY: Final = '#606060'
 # What organises the basins, over them on a dark ground.

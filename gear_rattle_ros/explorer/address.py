@@ -19,6 +19,7 @@ import dataclasses
 from typing import Any, Final
 from urllib.parse import urlencode
 
+from .skeleton import LAYERS as NAMES
 from .view import VELOCITY_BOUND, View
 from ..core.model import Parameters
 
@@ -26,6 +27,7 @@ MODEL: Final = tuple(field.name for field in dataclasses.fields(Parameters))
 WINDOWS: Final = ('phase', 'velocity')
 POINT: Final = 'point'
 BESIDE: Final = 'beside'
+LAYERS: Final = 'layers'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,10 +37,14 @@ class Shown:
     view: View
     point: tuple[float, float]  # phase and velocity of the trajectory that is shown [rad, 1]
     beside: float | None = None  # alpha of a second plane, if there is one [1]
+    layers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         # An alpha that cannot be is refused.
         _ = self.second
+        for name in self.layers:
+            if name not in NAMES:
+                raise ValueError(f'layer {name!r} is not one of {", ".join(NAMES)}')
 
     @property
     def second(self) -> View | None:
@@ -54,6 +60,8 @@ class Shown:
         words[POINT] = _pair(self.point)
         if self.beside is not None:
             words[BESIDE] = repr(self.beside)
+        if self.layers:
+            words[LAYERS] = ','.join(self.layers)
         return urlencode(words, safe=',')
 
     def given(self, query: Mapping[str, Sequence[bytes]]) -> 'Shown':
@@ -69,7 +77,8 @@ class Shown:
         parameters = dataclasses.replace(self.view.parameters, **model)
         view = dataclasses.replace(self.view, parameters=parameters, **changes)
         return Shown(view, _numbers(POINT, words[POINT]) if POINT in words else self.point,
-                     _number(BESIDE, words[BESIDE]) if BESIDE in words else self.beside)
+                     _number(BESIDE, words[BESIDE]) if BESIDE in words else self.beside,
+                     tuple(words[LAYERS].split(',')) if LAYERS in words else self.layers)
 
 
 def changed(view: View, name: str, value: float) -> View:

@@ -54,7 +54,7 @@ class Picture:
     is_last: bool = False
 
 
-def pictures(view: View, catalogues: Catalogues, check: Callable[[], None]) -> Iterator[Picture]:
+def pictures(catalogues: Catalogues, view: View, check: Callable[[], None]) -> Iterator[Picture]:
     """Compute a view, finer and finer; `check` is called often and raises to abandon it."""
     begin = time.monotonic()
     known = catalogues.quick(view)

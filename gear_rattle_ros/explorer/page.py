@@ -26,6 +26,7 @@ from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
 from bokeh.models import (
     Button,
+    CheckboxButtonGroup,
     CustomJS,
     Div,
     NumericInput,
@@ -42,6 +43,7 @@ from .pane import Pane
 from .plane_figure import PlaneFigure
 from .saving import Saving
 from .simulator_link import SimulatorLink
+from .skeleton import LAYERS
 from .trajectory import follow, Trajectory
 from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import KINDS, View
@@ -94,11 +96,13 @@ class Page:
         self._typed: dict[str, NumericInput] = {}
         self._compare = Toggle(name='compare', label='compare', width=80,
                                active=shown.beside is not None)
+        self._layers = CheckboxButtonGroup(
+            name='layers', labels=list(LAYERS), width=290,
+            active=[LAYERS.index(each) for each in shown.layers])
         self._saving = Saving(shared.folder, self._report_later)
         self._lay_out()
-        self._pane.ask(view)
+        self._ask_panes()
         self._click(*shown.point)
-        self._show_beside()
         if refused:
             self._report(refused, False)
 
@@ -115,10 +119,12 @@ class Page:
         home.on_click(self._go_home)
         save = Button(name='save', label='save this view', width=110, button_type='primary')
         save.on_click(lambda: self._saving.begin(self._shown.view))
-        send = Button(name='send', label='send the point to the simulator', width=220,
+        send = Button(name='send', label='send to the simulator', width=160,
                       button_type='success')
         send.on_click(self._send)
         self._compare.on_change('active', self._toggle)
+        self._layers.on_change('active', lambda attr, old, new: self._ask(
+            lambda: dataclasses.replace(self._shown, layers=tuple(LAYERS[k] for k in new))))
         title = Div(text=f'<b style="font-size:15px">{TITLE}</b>', width=140)
         left = column(row(title, self._kind, home, self._compare), self._pane.layout)
         # What gives way to the second plane.
@@ -128,7 +134,7 @@ class Page:
         self._other = self._control('beside', 'α of the second plane', (0.0, 2.0), 0.001)
         self._second = column(self._other, visible=False)
         right = column(
-            controls[0], self._first, self._second, row(send, save), self._message,
+            controls[0], self._first, self._second, row(self._layers, send, save), self._message,
             self._address)
         self._document.add_root(row(left, right, spacing=8))
         self._document.title = TITLE
@@ -157,10 +163,8 @@ class Page:
         """Show something else, as far as it differs; the address follows."""
         before, self._shown = self._shown, shown
         self._address.text = '?' + shown.query()
-        if shown.view != before.view:
-            self._pane.ask(shown.view)
-        if (shown.view, shown.beside) != (before.view, before.beside):
-            self._show_beside()
+        if shown != before:
+            self._ask_panes()
 
     def _ask(self, change: Callable[[], Shown]) -> bool:
         """Show something else; return whether that can be."""
@@ -193,9 +197,10 @@ class Page:
         self._show(dataclasses.replace(
             self._shown, beside=float(self._typed['beside'].value) if new else None))
 
-    def _show_beside(self) -> None:
-        """Show the same plane at the second alpha, or the trajectory in its place."""
-        view = self._shown.second
+    def _ask_panes(self) -> None:
+        """Show the plane, and that at the second alpha or the trajectory in its place."""
+        shown, view = self._shown, self._shown.second
+        self._pane.ask(shown.view, shown.point, shown.layers)
         self._second.visible = view is not None
         self._first.visible = view is None
         if view is None:
@@ -211,7 +216,7 @@ class Page:
             self._beside = Pane(self._document, plane, self._shared.catalogues, self._is_open,
                                 self._pane.colours, '_beside')
             self._second.children = [self._other, self._beside.layout]
-        self._beside.ask(view)
+        self._beside.ask(view, shown.point, shown.layers)
 
     def _move(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
         self._ask_view(phase=phase, velocity=velocity)

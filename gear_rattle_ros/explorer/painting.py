@@ -26,17 +26,32 @@ import numpy.typing as npt
 
 from .catalogues import Known
 from .computing import Picture
+from .skeleton import EDGE, KICK, Layers, MANIFOLDS, ORBITS
 from .view import CAP, LIFETIMES, SPAN
 from ..attractors.finding import CONSERVES, conserves_areas
 from ..attractors.matching import recognise, Trace
 from ..core.many.settling import FLOATING, RESTS_LOWER, RESTS_UPPER, UNSETTLED
-from ..palette import colours_of, ENDS, EXPONENTS, FORGOTTEN, painted, reach, rgb
+from ..palette import (
+    AMBER,
+    colours_of,
+    ENDS,
+    EXPONENTS,
+    FORGOTTEN,
+    MARK,
+    painted,
+    reach,
+    rgb,
+    STABLE,
+    UNSTABLE,
+)
 
 NAMES: Final = {
     UNSETTLED: f'unsettled after {CAP:,} impacts', RESTS_UPPER: 'at rest, upper wall',
     RESTS_LOWER: 'at rest, lower wall', FLOATING: 'floating between the walls'}
 # How much darker the cells that settle slowly are in a picture of basins.
 DARKEST: Final = 0.42
+
+SWATCHES: Final = {ORBITS: (), MANIFOLDS: (UNSTABLE, STABLE), EDGE: (AMBER,), KICK: (MARK,)}
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -95,6 +110,13 @@ def legend(picture: Picture, colours: Colours) -> str:
         f'{_swatch(colours.by_label[label])} {html.escape(colours.names[label])} '
         f'<b>{100.0 * shares[label]:.1f} %</b>' for label in ordered[:most])
     return words + (f'&emsp;and {len(ordered) - most} more' if len(ordered) > most else '')
+
+
+def legend_of_layers(layers: Layers) -> str:
+    """Return what there is to say about layers, in HTML, as the words are."""
+    return '&emsp;'.join(
+        ' '.join([*map(_swatch, SWATCHES.get(name, ())), layers.words.get(name, '...')])
+        for name in ([''] if '' in layers.words else layers.asked.names))
 
 
 def _paint_exponents(exponents: npt.NDArray[np.float32]) -> Pixels:

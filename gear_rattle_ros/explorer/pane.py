@@ -15,18 +15,24 @@
 """A plane of initial conditions on a page, with what computes it, its legend and its status."""
 
 from collections.abc import Callable
+import functools
 import threading
+from typing import Final
 
 from bokeh.document import Document
 from bokeh.layouts import column
 from bokeh.models import Div
 
 from .catalogues import Catalogues
-from .computing import Picture
-from .painting import Colours, legend
-from .plane_figure import PlaneFigure, WIDTH
-from .view import View
+from .computing import Picture, pictures
+from .painting import Colours, legend, legend_of_layers
+from .plane_figure import HEIGHT, PlaneFigure, WIDTH
+from .skeleton import Asked, Layers, Skeleton
+from .view import BASINS, View
 from .worker import Worker
+
+# Height of what there is to say about layers, for which the plane gives way [pixels].
+SPOKEN: Final = 60
 
 
 class Pane:
@@ -34,37 +40,66 @@ class Pane:
 
     def __init__(self, document: Document, plane: PlaneFigure, catalogues: Catalogues,
                  is_open: Callable[[], bool], colours: Colours, name: str = '') -> None:
-        self._document, self._view = document, View()
+        self._document = document
+        self._view: View | None = None
+        self._asked: Asked | None = None
+        self._drawn: Layers | None = None
         self.plane, self.colours = plane, colours
-        self._waiting: Picture | None = None
+        # The latest of each type.
+        self._waiting: dict[type, Picture | Layers] = {}
         self._lock = threading.Lock()
         self._legend = Div(name=f'legend{name}', width=WIDTH, height=36,
                            styles={'font-size': '12px', 'line-height': '1.5'})
         self._status = Div(name=f'status{name}', width=WIDTH, height=20,
                            styles={'font-size': '12px', 'color': '#555'})
-        self.layout = column(plane.figure, self._legend, self._status)
-        self._worker = Worker(catalogues, self._offer, is_open)
+        self._layers = Div(name=f'skeleton{name}', width=WIDTH, height=SPOKEN - 10, visible=False,
+                           styles={'font-size': '12px', 'line-height': '1.4'})
+        self.layout = column(plane.figure, self._legend, self._layers, self._status)
+        self._pictures: Worker[View, Picture] = Worker(
+            functools.partial(pictures, catalogues), self._offer, is_open)
+        self._skeleton: Worker[Asked, Layers] = Worker(
+            Skeleton(catalogues).layers, self._offer, is_open)
 
-    def ask(self, view: View) -> None:
-        self._view = view
-        self._worker.ask(view)
+    def ask(self, view: View, point: tuple[float, float], layers: tuple[str, ...]) -> None:
+        """Show a view and layers over it, as far as they differ."""
+        if view != self._view:
+            self._view = view
+            self._pictures.ask(view)
+            if self._drawn:
+                self.plane.show_layers(self._drawn, view)
+        # Layers do not depend on the window.
+        whole = View(view.parameters, view.displacement, kind=BASINS)
+        asked = Asked(whole, point if layers else (0.0, 0.0), layers)
+        if asked != self._asked:
+            self._asked = asked
+            self._layers.visible = bool(layers)
+            self.plane.figure.height = HEIGHT - SPOKEN * bool(layers)
+            self._skeleton.ask(asked)
 
     def stop(self) -> None:
-        self._worker.stop()
+        self._pictures.stop()
+        self._skeleton.stop()
 
-    def _offer(self, picture: Picture) -> None:
-        """Take a picture from the worker, in place of one that has not been drawn yet."""
+    def _offer(self, what: Picture | Layers) -> None:
+        """Take a result from a worker, in place of one that has not been drawn yet."""
         with self._lock:
-            is_first = self._waiting is None
-            self._waiting = picture
+            is_first = not self._waiting
+            self._waiting[type(what)] = what
         if is_first:
             self._document.add_next_tick_callback(self._draw)
 
     def _draw(self) -> None:
         with self._lock:
-            picture, self._waiting = self._waiting, None
-        if picture is None or picture.view != self._view:
-            return
+            waiting, self._waiting = self._waiting, {}
+        for what in waiting.values():
+            if isinstance(what, Picture) and what.view == self._view:
+                self._draw_picture(what)
+            elif isinstance(what, Layers) and self._view and what.asked == self._asked:
+                self._drawn = what
+                self.plane.show_layers(what, self._view)
+                self._layers.text = legend_of_layers(what)
+
+    def _draw_picture(self, picture: Picture) -> None:
         self.colours = self.colours.followed(picture.known)
         self.plane.show(picture, self.colours)
         self._legend.text = legend(picture, self.colours)

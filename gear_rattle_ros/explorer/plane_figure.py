@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The figure of the plane: picture, read-out at the pointer, the clicked point."""
+"""The figure of the plane: picture, layers, read-out at the pointer, the clicked point."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,9 @@ import numpy as np
 
 from .axes import formatter, read_out, ticker
 from .computing import Picture
+from .layer_glyphs import LayerGlyphs
 from .painting import Colours, paint
+from .skeleton import Layers
 from .view import NARROWEST, PHASE_BOUND, VELOCITY_BOUND, View
 from ..attractors.plane import TWO_PI
 
@@ -33,6 +35,8 @@ WIDTH = 618
 HEIGHT = 590
 # Stands for an unknown exponent, for which the browser would write NaN [1].
 NONE = 1e9
+# Opacity of a picture below layers [1].
+PALE = 0.45
 TIP = """
 <div style="font:12px system-ui,sans-serif;padding:1px 3px">
 <b>@label{custom}</b><br>lifetime @lifetime{custom} impacts@exponent{custom}<br>
@@ -72,7 +76,9 @@ class PlaneFigure:
             axis.formatter = formatter(range_, is_phase=range_ is x_range)
         plot.grid.visible = False
         plot.background_fill_color = '#f2f2f2'
-        image = plot.image_rgba(image='image', x='x', y='y', dw='dw', dh='dh', source=self.source)
+        self._image = image = plot.image_rgba(image='image', x='x', y='y', dw='dw', dh='dh',
+                                              source=self.source)
+        self._layers = LayerGlyphs(plot, name)
         for size, colour, width in ((15, 'black', 4), (15, 'white', 2)):
             plot.scatter('x', 'y', source=self._point, size=size, marker='cross',
                          line_color=colour, line_width=width)
@@ -117,6 +123,11 @@ class PlaneFigure:
             'label': [picture.labels], 'lifetime': [picture.lifetimes], 'exponent': [exponents],
             'x': [view.phase[0]], 'y': [view.velocity[0]],
             'dw': [view.phase[1] - view.phase[0]], 'dh': [view.velocity[1] - view.velocity[0]]}
+
+    def show_layers(self, layers: Layers, view: View) -> None:
+        """Draw layers over a view, whose picture becomes pale."""
+        self._image.glyph.global_alpha = PALE if layers.asked.names else 1.0
+        self._layers.show(layers, view.phase)
 
     def mark(self, phase: float, velocity: float) -> None:
         """Mark the point whose trajectory is shown."""

@@ -36,6 +36,7 @@ from .catalogues import Catalogues
 from .computing import pictures
 from .page import FIRST_POINT, Page, Shared
 from .simulator_link import SimulatorLink
+from .skeleton import Asked, LAYERS, Skeleton
 from .trajectory import follow
 from .view import EXPONENTS, View
 from ..cli.compilation import reporting_compilation
@@ -100,10 +101,13 @@ def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
     # Compile the kernels before anybody opens the page.
     with reporting_compilation(NAME, sys.stderr):
         for _ in itertools.islice(pictures(
-                dataclasses.replace(view, kind=EXPONENTS), Catalogues(), lambda: None), 1):
+                Catalogues(), dataclasses.replace(view, kind=EXPONENTS), lambda: None), 1):
             pass
         phase, velocity = FIRST_POINT
         follow(view.parameters, phase, view.displacement, velocity)
+        # Up to the first kick.
+        next(each for each in Skeleton(shared.catalogues).layers(
+            Asked(view, FIRST_POINT, LAYERS), lambda: None) if len(each.words) == len(LAYERS))
     server.start()
     address = f'http://{ADDRESS}:{server.port}/'
     print(f'{NAME}: {address} (Ctrl-C ends it)', flush=True)

@@ -12,40 +12,42 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A thread for each page that always computes the latest view."""
+"""Threads of a page that always compute what was asked for last."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import threading
 import traceback
+from typing import Generic, TypeVar
 
-from .catalogues import Catalogues, GivenUp
-from .computing import Picture, pictures
-from .view import View
+from .catalogues import GivenUp
+
+Asked = TypeVar('Asked')
+Result = TypeVar('Result')
 
 
-class Worker:
-    """Computes one view at a time; a new one replaces what is under way."""
+class Worker(Generic[Asked, Result]):
+    """Computes one thing at a time; a new one replaces what is under way."""
 
-    def __init__(self, catalogues: Catalogues, show: Callable[[Picture], None],
-                 is_wanted: Callable[[], bool]) -> None:
-        self._catalogues = catalogues
+    def __init__(self, compute: Callable[[Asked, Callable[[], None]], Iterator[Result]],
+                 show: Callable[[Result], None], is_wanted: Callable[[], bool]) -> None:
+        self._compute = compute
         self._show = show
         self._is_wanted = is_wanted
         self._changed = threading.Condition()
-        self._view: View | None = None
+        self._asked: Asked | None = None
         self._number, self._stopped = 0, False
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def ask(self, view: View) -> None:
-        """Compute this view from now on."""
+    def ask(self, asked: Asked) -> None:
+        """Compute this from now on."""
         with self._changed:
-            self._view = view
+            self._asked = asked
             self._number += 1
             self._changed.notify()
 
     def stop(self) -> None:
-        """Abandon the present view, and end the thread."""
+        """Abandon what is under way, and end the thread."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
@@ -63,19 +65,19 @@ class Worker:
                     self._changed.wait()
                 if self._stopped:
                     return
-                view, number = self._view, self._number
-            assert view is not None
+                asked, number = self._asked, self._number
+            assert asked is not None
 
             def check(number: int = number) -> None:
                 if self._stopped or number != self._number or not self._is_wanted():
                     raise GivenUp
 
             try:
-                for picture in pictures(view, self._catalogues, check):
+                for result in self._compute(asked, check):
                     check()
-                    self._show(picture)
+                    self._show(result)
             except GivenUp:
                 continue
             except Exception:
-                # One view that fails must not leave the page without its thread.
+                # One that fails must not leave the page without its thread.
                 traceback.print_exc()

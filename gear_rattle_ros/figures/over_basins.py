@@ -29,16 +29,13 @@ from . import style
 from .grids import colours_and_names, draw_basins
 from .style import BOTTOM, legend_mark, Looks
 from ..core.words import counted
-from ..palette import ENDS, GREY
+from ..palette import ENDS, GREY, MARK, STABLE, UNSTABLE
 
 if TYPE_CHECKING:
     import xarray
 
 # Marks of orbits by their impacts: those of the least, which have the fewest points, are largest.
 SIZES: Final = (9.0, 7.0, 5.5, 4.0, 2.5, 1.5)
-UNSTABLE: Final = '#000000'
-STABLE: Final = '#00682d'
-MARK: Final = '#c2007a'
 # A step over the edge of the picture is no line.
 WIDE: Final = 3.0
 # Height of the axes of erosion [pixels].

@@ -15,6 +15,7 @@
 """Computing a view: the same labels as the tools, given up at once, remembered by parameters."""
 
 from collections.abc import Iterator
+import functools
 import threading
 
 import numpy as np
@@ -36,7 +37,7 @@ from gear_rattle_ros.studies.exponents import finite_time_exponents
 
 def until(view: View, cells: int) -> Picture:
     """Compute a view up to a level."""
-    for picture in pictures(view, Catalogues(), lambda: None):
+    for picture in pictures(Catalogues(), view, lambda: None):
         if picture.cells >= cells and picture.done == 1.0:
             return picture
     raise AssertionError('it has ended before')
@@ -52,7 +53,7 @@ def keys(picture: Picture) -> np.ndarray:
 def test_labels_are_those_of_a_search_of_its_own(alpha: float, displacement: float) -> None:
     """Cell by cell on 50 x 50, chaotic attractors included."""
     parameters, plane = Parameters(alpha=alpha), Plane(displacement, phases=50, velocities=50)
-    for picture in pictures(View(parameters, displacement), Catalogues(), lambda: None):
+    for picture in pictures(Catalogues(), View(parameters, displacement), lambda: None):
         if picture.cells == 50 and picture.known.is_complete:
             break
     catalogue = find_attractors(
@@ -87,7 +88,7 @@ def test_what_is_given_up_stops_between_strips() -> None:
             raise Enough
 
     with pytest.raises(Enough):
-        for _ in pictures(View(Parameters(alpha=1.0)), Catalogues(), check):
+        for _ in pictures(Catalogues(), View(Parameters(alpha=1.0)), check):
             pass
 
 
@@ -101,7 +102,7 @@ def test_worker_shows_the_last_view_and_ends() -> None:
         if picture.view.displacement == -0.5 and picture.cells >= 100:
             fine.set()
 
-    worker = Worker(Catalogues(), show, lambda: True)
+    worker = Worker(functools.partial(pictures, Catalogues()), show, lambda: True)
     for displacement in np.linspace(0.0, -0.5, 11):
         worker.ask(View(displacement=float(displacement)))
     assert fine.wait(60.0)
@@ -115,7 +116,7 @@ def test_worker_shows_the_last_view_and_ends() -> None:
 def test_worker_does_nothing_for_a_page_that_has_gone() -> None:
     """A tab that is closed gets no pictures."""
     shown: list[Picture] = []
-    worker = Worker(Catalogues(), shown.append, lambda: False)
+    worker = Worker(functools.partial(pictures, Catalogues()), shown.append, lambda: False)
     worker.ask(View())
     worker.stop()
     assert worker.join(60.0)
@@ -164,8 +165,8 @@ def test_exponents_are_those_of_the_cells() -> None:
 
 def test_a_deep_window_ends() -> None:
     """Where float64 cannot resolve finer cells, the coarse picture is the last."""
-    *_, last = pictures(View(phase=(1.0, 1.0 + 1.2e-13), velocity=(0.5, 0.5 + 1.2e-13)),
-                        Catalogues(), lambda: None)
+    *_, last = pictures(Catalogues(), View(phase=(1.0, 1.0 + 1.2e-13), velocity=(
+        0.5, 0.5 + 1.2e-13)), lambda: None)
     assert last.is_last and last.cells < 100
 
 

@@ -40,6 +40,8 @@ from ..model import Model
 
 #: Maps points (phase, velocity) at walls on, each that many times; NO_WALL where there is no more.
 Map: TypeAlias = Callable[[IntArray, FloatArray, int], tuple[IntArray, FloatArray]]
+# Up to here a manifold is straight, to the square of it [1]: a segment reaches no farther.
+STRAIGHT: Final = 1e-5
 # Neighbours are at most this many tolerances apart.
 LONGEST: Final = 30.0
 # Places on the segment that are nearer than this are one point but for rounding.
@@ -62,7 +64,7 @@ class Segment:
 
     def at(self, places: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the points at places from 0 to 1."""
-        distance = SEED_DISTANCE * self.factor**places
+        distance = min(SEED_DISTANCE, STRAIGHT / self.factor) * self.factor**places
         return (np.full(len(places), self.wall, np.int64),
                 self.point + distance[:, None] * self.vector)
 
