@@ -53,8 +53,8 @@ def main() -> int:
     begin = time.perf_counter()
     found = find_orbits(parameters, LONGEST)
     seconds = time.perf_counter() - begin
-    print(f'{len(found.orbits)} orbits of at most {LONGEST} impacts at {ALPHA} in {seconds:.1f} s, '
-          f'from {sum(found.seeds):,} seeds that led to one; {found.statement()}')
+    print(f'{len(found.orbits)} orbits of at most {LONGEST} impacts at {ALPHA} in '
+          f'{seconds:.1f} s, from {sum(found.seeds):,} seeds that led to one; {found.statement()}')
     noise = np.random.default_rng(1)
     spent, closed, unknown = np.zeros(2), np.zeros(2, int), 0
     for n in range(SEEDS):

@@ -145,9 +145,8 @@ def _straddled(store: Store) -> FloatArray:
 def _write_results(store: Store, straddling: Straddling, work: Work, seed: int) -> None:
     """Write the rates, and the orbits, of a store whose parts are complete."""
     points, random = _straddled(store), np.random.default_rng([seed, PARTS])
-    known = find_orbits(straddling.catalogue.parameters, LONGEST, most=SOUGHT,
-                        threads=work.threads, cluster=work.cluster)
-    unstable = tuple(one for one in known.orbits if not one.is_stable)
+    unstable = find_orbits(straddling.catalogue.parameters, LONGEST, most=SOUGHT,
+                           threads=work.threads, cluster=work.cluster).unstable
     orbit = straddling.orbit_of(points)
     rates = straddling.rates(points, lambda: store.read_all('estimate'))
     found = [('', *near) for near in straddling.orbits_near(

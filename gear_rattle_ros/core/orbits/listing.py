@@ -77,6 +77,11 @@ class OrbitList:
         return self.rounds[-1][0] if self.rounds else 0
 
     @property
+    def unstable(self) -> tuple[Orbit, ...]:
+        """Those that attract nothing."""
+        return tuple(orbit for orbit in self.orbits if not orbit.is_stable)
+
+    @property
     def is_complete(self) -> bool:
         """Whether the last doubling of the seeds added no orbit: complete as far as they show."""
         return len(self.rounds) > 1 and self.rounds[-1][1] == self.rounds[-2][1]
