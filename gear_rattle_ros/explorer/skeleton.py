@@ -151,7 +151,7 @@ class Skeleton:
                 found = self._orbits = find(LONGEST, POINTS, None)
             elif not found.is_complete and found.points < MOST:
                 found = self._orbits = find(LONGEST, 2 * found.points, found)
-            unstable = tuple(each for each in found.orbits if not each.is_stable)
+            unstable = found.unstable
             if ORBITS in asked.names:
                 yield {ORBITS: f'{counted(len(unstable), "unstable orbit")} of up to '
                                f'{counted(found.longest, "impact")}'}, {'orbits': unstable}
