@@ -38,6 +38,8 @@ FOLLOWED: Final = 64
 REACH: Final = 0.5
 # Orbits are put together where they come this near to each other [rad, 1].
 SPLICED: Final = 0.1
+# Orbits that are put together, at the most: the pairs are half of their square.
+PARTS: Final = 1000
 # An orbit to which this many seeds have led is well known. One step of Newton's method that leads
 # to it but for this part of the step is enough; beside a fold, where two orbits are near each
 # other, no step comes so near to either.
@@ -134,7 +136,7 @@ class Rings:
     def splice(self) -> None:
         """Add what two orbits lead to that come near each other, one after the other."""
         # So are found those that hardly a trajectory comes near to.
-        whole = self.known
+        whole = min(self.known, PARTS)
         for i in range(whole):
             self._make_room(self.known + whole * self.longest)
             self.known = splice(i, whole, *self._arrays, self.known, self.parameters.model)
