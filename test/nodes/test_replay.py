@@ -202,7 +202,7 @@ def test_a_damaged_bag_is_played_up_to_the_damage(
     whole[len(whole) // 2] ^= 0xFF
     (tmp_path / 'damaged.mcap').write_bytes(whole)
     process = start('replay', str(tmp_path / 'damaged.mcap'), '--speed', '0')
-    assert listener.until_end(process) == 1
+    assert listener.until_end(process) == 1, process.text()
     lines = process.text().splitlines()
     assert lines[0].startswith(f'replay: {tmp_path}/damaged.mcap: is damaged')
     assert ', stopped at' in lines[1]
