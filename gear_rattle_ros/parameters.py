@@ -148,7 +148,7 @@ BASIN: Final = (
            'displacement', low=-1.0, high=0.0),
     _fixed('velocity_limit', 0.0, 'highest velocity of the plane, in both directions; 0 = chosen '
            'to suit the attractors', low=0.0, high=model.VELOCITY_MAXIMUM),
-    _fixed('skeleton', True, 'whether to compute skeleton, too, after the finest picture', ''),
+    _fixed('skeleton', True, 'whether to compute the skeleton after the finest picture', ''),
     _fixed('cap', 20000, 'impacts after which an initial condition counts as unsettled', 'impacts',
            100, 10000000),
     _fixed('threads', 2, 'number of computing threads', 'threads', 1, 256),

@@ -318,9 +318,13 @@ def table_of(attractors: tuple[Attractor, ...]) -> TableOfArrays:
 
 def _follow_batch(initial: RecordArray, size: int, cap: int, table: Table, batch: int
                   ) -> RecordArray:
-    part = initial[batch * size:(batch + 1) * size]
-    results = np.zeros(len(part), RESULT)
-    follow_here(part, cap, table, results)
+    return results_here(initial[batch * size:(batch + 1) * size], cap, table)
+
+
+def results_here(initial: RecordArray, cap: int, table: Table) -> RecordArray:
+    """Follow initial conditions in this thread; return their RESULT."""
+    results = np.zeros(len(initial), RESULT)
+    follow_here(initial, cap, table, results)
     return results
 
 

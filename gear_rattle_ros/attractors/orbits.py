@@ -17,9 +17,10 @@
 
 from collections.abc import Callable
 import functools
-from typing import Final
+from typing import Final, TypeAlias
 
 from .engine import run_tiles
+from ..core.arrays import IntArray
 from ..core.model import Parameters
 from ..core.orbits.listing import OrbitList, Rings, Row
 
@@ -28,6 +29,8 @@ from ..core.orbits.listing import OrbitList, Rings, Row
 FIRST: Final = 2048
 MOST: Final = 16_384
 BATCH: Final = 32
+# Seeds of what is known, and what is new.
+Found: TypeAlias = tuple[IntArray, list[Row]]
 
 
 def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, most: int = MOST,
@@ -65,15 +68,15 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
         The orbits by impacts, drive periods and key, and how far they are complete.
 
     """
-    parts: dict[int, list[Row]] = {}
+    parts: dict[int, Found] = {}
     found = known or OrbitList(parameters, longest)
     while not found.is_complete and found.points < most:
         begin = found.points
         end = min(2 * begin, most) or min(first, most)
         tiles = range(begin, end, BATCH)
 
-        def keep(tile: int, rows: list[Row]) -> None:
-            parts[tile] = rows
+        def keep(tile: int, part: Found) -> None:
+            parts[tile] = part
             reached(min(BATCH, most - tile), None)
 
         run_tiles(functools.partial(_seek, found, end), tiles, keep, threads=threads,
@@ -81,17 +84,12 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
         rings = Rings(found)
         # In their order, so that the result does not depend on the threads.
         for tile in tiles:
-            for row in parts.pop(tile):
-                rings.add(*row)
+            rings.add(*parts.pop(tile))
         rings.splice()
         found = rings.listed(found.rounds, end)
         reached(0, found)
     return found
 
 
-def _seek(found: OrbitList, end: int, tile: int) -> list[Row]:
-    rings = Rings(found)
-    before = [seeds for _, _, seeds in rings.rows()]
-    rings.seek(tile, min(BATCH, end - tile))
-    return [(walls, points, seeds - (before[i] if i < len(before) else 0))
-            for i, (walls, points, seeds) in enumerate(rings.rows())]
+def _seek(found: OrbitList, end: int, tile: int) -> Found:
+    return Rings(found).seek(tile, min(BATCH, end - tile))

@@ -22,13 +22,13 @@ from typing import Final
 
 import numpy as np
 
-from .catalogue import Attractor, Catalogue, follow_here, Kind
+from .catalogue import Attractor, Catalogue, Kind, results_here
 from .plane import Plane
 from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
 from ..core.flight.elementary import TWO_PI
 from ..core.many.recorded import initial_after, record_impacts
-from ..core.many.settling import RESULT, UNSETTLED
+from ..core.many.settling import UNSETTLED
 from ..core.many.sprinkler import estimate, growths, rates_of, SaddleRates
 from ..core.model import STICKING_SPEED
 from ..core.orbits.impact_map import map_points
@@ -71,10 +71,8 @@ class Straddling:
 
     def results(self, points: FloatArray, cap: int) -> RecordArray:
         """Return the RESULT of impacts (phase, velocity before them)."""
-        results = np.zeros(len(points), RESULT)
-        follow_here(initial_after(self.catalogue.parameters, *points.T), cap,
-                    self.catalogue.table, results)
-        return results
+        return results_here(initial_after(self.catalogue.parameters, *points.T), cap,
+                            self.catalogue.table)
 
     def values(self, points: FloatArray) -> IntArray:
         """Return their labels, or their lifetimes as far as it matters here."""
@@ -167,6 +165,13 @@ class Straddling:
                     self.values(points) != attractor.label, np.int64), first_change, steps, random,
                     FINE)
         return np.zeros((0, 2))
+
+    def accessible_orbit(self, attractor: Attractor, orbits: tuple[Orbit, ...], rays: int,
+                         steps: int, random: np.random.Generator) -> tuple[Orbit, int] | None:
+        """Return the orbit on the boundary that is met first, and how many impacts are near it."""
+        points = np.concatenate([self.accessible(attractor, steps, random) for _ in range(rays)])
+        return max(self.orbits_near(points, orbits), default=None,
+                   key=lambda near: near[1] / near[0].impacts)
 
     @functools.cached_property
     def tail(self) -> int:

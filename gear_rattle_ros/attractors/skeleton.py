@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What organises the basins, for somebody who watches: quick, and drawn on the section."""
+"""Orbits, manifolds and edge states that organise the basins, quickly, for a live picture."""
 
 from collections.abc import Iterator, Mapping
 import contextlib
@@ -21,19 +21,17 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from .catalogue import Attractor, Catalogue
+from .catalogue import Catalogue
 from .finding import Check, conserves_areas
 from .kicks import Kick
 from .orbits import find_orbits
 from .plane import Plane
 from .saddles import Straddling
 from ..core.arrays import FloatArray, IntArray
-from ..core.flight.elementary import TWO_PI
 from ..core.many.settling import UNSETTLED
-from ..core.orbits.curves import grow, impact_map, segments_of
+from ..core.orbits.curves import grow, impact_map, pieces, segments_of
 from ..core.orbits.manifolds import saddle_of
 from ..core.orbits.orbit import Orbit
-from ..core.orbits.section import distances
 
 #: Places (phase, velocity before the impact) by layer: points of shape (n, 2), or pieces of lines
 #: from one place to another of shape (n, 2, 2).
@@ -49,20 +47,16 @@ MOST: Final = 2048
 STRADDLED: Final = 400
 REACHED: Final = 100
 RAYS: Final = 4
-# How near a boundary is to an orbit on it [rad, 1].
-CLOSE: Final = 0.01
 # Length and precision of each side of a manifold, and its fastest impact in units of the plane's.
 LENGTH: Final = 40.0
 PRECISION: Final = 0.01
 FASTER: Final = 3.0
-# A step over the edge of the picture is no line.
-WIDE: Final = 3.0
 SEED: Final = 1
 
 
 @dataclasses.dataclass(frozen=True)
 class Watched(Straddling):
-    """Straddles as long as it is wanted."""
+    """A straddle that can be given up."""
 
     check: Check
 
@@ -103,9 +97,10 @@ def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Pla
     straddling = Watched(catalogue, True, catalogue.hold, check)
     known: dict[str, Layers] = {}
     for each in bounded:
-        saddle = accessible_saddle(straddling, each, orbits, random)
-        if saddle is None:
+        met = straddling.accessible_orbit(each, orbits, RAYS, REACHED, random)
+        if met is None:
             continue
+        saddle, _ = met
         if saddle.key not in known:
             known[saddle.key] = within(plane, manifolds(saddle, plane, check))
         layers = layers | {each.label: {**layers[each.label], **known[saddle.key]}}
@@ -116,33 +111,15 @@ def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Pla
         yield {label: {**mine, **edge} for label, mine in layers.items()}
 
 
-def accessible_saddle(straddling: Straddling, attractor: Attractor, orbits: tuple[Orbit, ...],
-                      random: np.random.Generator) -> Orbit | None:
-    """Return the orbit on which the boundary that an attractor meets first stays the longest."""
-    points = np.concatenate([straddling.accessible(attractor, REACHED, random)
-                             for _ in range(RAYS)])
-    shares = [np.sum(distances(points[:, 1], points[:, 0], orbit.velocities[:, None],
-                               orbit.phases[:, None]) < CLOSE) / orbit.impacts
-              for orbit in orbits]
-    return orbits[int(np.argmax(shares))] if max(shares, default=0.0) > 0.0 else None
-
-
 def manifolds(orbit: Orbit, plane: Plane, check: Check) -> Layers:
     """Return both manifolds of a saddle."""
     fastest = FASTER * max(map(abs, plane.velocity))
     parts: dict[str, list[FloatArray]] = {UNSTABLE: [], STABLE: []}
     for _, segment, backwards in segments_of(saddle_of(orbit)):
-        map_on = impact_map(orbit.parameters.model, backwards=backwards, fastest=fastest)
-
-        def mapped(walls: IntArray, points: FloatArray, times: int) -> tuple[IntArray, FloatArray]:
-            check()
-            return map_on(walls, points, times)  # noqa: B023
-
-        curve = grow(segment, mapped, length=LENGTH, tolerance=PRECISION)
-        places = np.column_stack([np.mod(curve.points[:, 0], TWO_PI), curve.points[:, 1]])
-        joined = ~curve.begins[1:] & (np.abs(np.diff(places[:, 0])) < WIDE)
-        parts[STABLE if backwards else UNSTABLE].append(
-            np.stack([places[:-1][joined], places[1:][joined]], axis=1))
+        curve = grow(segment, impact_map(
+            orbit.parameters.model, backwards=backwards, fastest=fastest, check=check),
+            length=LENGTH, tolerance=PRECISION)
+        parts[STABLE if backwards else UNSTABLE].append(pieces(curve.points, curve.begins))
     return {name: np.concatenate(both) for name, both in parts.items()}
 
 

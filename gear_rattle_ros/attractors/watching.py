@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .catalogue import Catalogue, follow_here, moved
+from .catalogue import Catalogue, moved, results_here
 from .finding import Check, find_attractors, orbits_among, STAYS
 from .letters import with_letters
 from .plane import Plane
@@ -38,7 +38,7 @@ from ..core.defaults import TOLERANCE
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.chaotic_sets import BRIEF, GLANCE
 from ..core.many.recorded import record_impacts
-from ..core.many.settling import RecordArray, RESULT, UNSETTLED
+from ..core.many.settling import RecordArray, UNSETTLED
 from ..core.model import Parameters
 
 # Random initial conditions of the first look for attractors and of the second, and impacts for
@@ -94,8 +94,7 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
     drawn = Plane().draw(parameters, GLANCED, SEED)
     hinted = make_initial_conditions(parameters, hints[:, 1], -hints[:, 0], hints[:, 2])
     initial = np.concatenate([hinted, drawn])
-    results = np.zeros(len(initial), RESULT)
-    follow_here(initial, skip, Catalogue(parameters).table, results)
+    results = results_here(initial, skip, Catalogue(parameters).table)
     states = moved(initial, results)[results['label'] == UNSETTLED]
     orbits = tuple(orbits_among(parameters, states, *GLANCE[1:], TOLERANCE))
     rows, _ = record_impacts(states, 0, 64)

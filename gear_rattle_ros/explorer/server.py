@@ -80,6 +80,12 @@ def make_server(shared: Shared, view: View, port: int) -> Server:
         check_unused_sessions_milliseconds=LOOK_EVERY)
 
 
+def warm_up_layers(catalogues: Catalogues, view: View) -> None:
+    """Compile or load the kernels of the layers, up to the first kick, while the page opens."""
+    next(each for each in Skeleton(catalogues).layers(
+        Asked(view, FIRST_POINT, LAYERS), lambda: None) if len(each.words) == len(LAYERS))
+
+
 def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
     """Serve until Ctrl-C or SIGTERM; `refuse` ends the program with one line."""
     try:
@@ -105,10 +111,8 @@ def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
             pass
         phase, velocity = FIRST_POINT
         follow(view.parameters, phase, view.displacement, velocity)
-        # Up to the first kick.
-        next(each for each in Skeleton(shared.catalogues).layers(
-            Asked(view, FIRST_POINT, LAYERS), lambda: None) if len(each.words) == len(LAYERS))
     server.start()
+    threading.Thread(target=warm_up_layers, args=(shared.catalogues, view), daemon=True).start()
     address = f'http://{ADDRESS}:{server.port}/'
     print(f'{NAME}: {address} (Ctrl-C ends it)', flush=True)
     if not given.no_browser:

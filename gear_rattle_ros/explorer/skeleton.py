@@ -175,13 +175,8 @@ class Skeleton:
             yield words, lines
             return
         for name, segment, backwards in segments_of(saddle_of(orbit)):
-            on = impact_map(asked.view.parameters.model, backwards=backwards, fastest=FASTEST)
-
-            def map_on(walls: IntArray, points: FloatArray, times: int
-                       ) -> tuple[IntArray, FloatArray]:
-                check()
-                return on(walls, points, times)  # noqa: B023
-
+            map_on = impact_map(asked.view.parameters.model, backwards=backwards,
+                                fastest=FASTEST, check=check)
             kind = name.split()[0]
             lines[kind] = np.concatenate([lines[kind], line_of(
                 asked.view, grow(segment, map_on, length=LENGTH))])

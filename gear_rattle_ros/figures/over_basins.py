@@ -28,6 +28,7 @@ import numpy as np
 from . import style
 from .grids import colours_and_names, draw_basins
 from .style import BOTTOM, legend_mark, Looks
+from ..core.orbits.curves import pieces
 from ..core.words import counted
 from ..palette import ENDS, GREY, MARK, STABLE, UNSTABLE
 
@@ -36,15 +37,13 @@ if TYPE_CHECKING:
 
 # Marks of orbits by their impacts: those of the least, which have the fewest points, are largest.
 SIZES: Final = (9.0, 7.0, 5.5, 4.0, 2.5, 1.5)
-# A step over the edge of the picture is no line.
-WIDE: Final = 3.0
 # Height of the axes of erosion [pixels].
 EROSION: Final = 180
 
 
 def over_basins(dataset: 'xarray.Dataset', looks: Looks, strength: float, below: int = 0
                 ) -> tuple[Figure, Axes]:
-    """Draw the basins as pale as that [1]; what is drawn over them does not move the window."""
+    """Draw the basins with this opacity [1]; what is drawn over them does not move the window."""
     figure = draw_basins(dataset, looks, below)
     axes = figure.axes[0]
     axes.images[0].set_alpha(strength)
@@ -91,8 +90,7 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for name, colour, width in (('stable', stable, 0.5), ('unstable', UNSTABLE, 0.7)):
         mine = (curve['wall'] == -a['displacement']) & np.isin(curve['number'], [
             number for number, side in enumerate(a['sides'].split(', ')) if side.startswith(name)])
-        joined = mine[1:] & (curve['begins'][1:] == 0) & (np.abs(np.diff(points[:, 0])) < WIDE)
-        steps = np.stack([points[:-1][joined], points[1:][joined]], axis=1)
+        steps = pieces(points[mine], curve['begins'][mine] != 0)
         ends = points[mine & (curve['grazes'] == 1)]
         for factor in (1.0, -a['restitution']):
             axes.add_collection(LineCollection(list(steps * (1.0, factor)), colors=colour,

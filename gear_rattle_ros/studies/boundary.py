@@ -26,7 +26,7 @@ import numpy as np
 from . import attractors
 from .saddle import boundary_saddle
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Catalogue, follow_here
+from ..attractors.catalogue import Catalogue, results_here
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
 from ..attractors.plane import Plane
@@ -43,7 +43,7 @@ from ..core.boundaries.uncertainty import count_cut, fit_power_law, Label, Power
 from ..core.boundaries.wada import merge_basins, refine_boundary
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, LIFETIMES_CAP, SEED, TOLERANCE
 from ..core.flight.lanes import make_initial_conditions
-from ..core.many.settling import RESULT, UNSETTLED
+from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
 from ..store.layout import Axis, Layout, Variable
@@ -90,9 +90,7 @@ def labels_of(known: Catalogue, displacement: float, cap: int, phases: FloatArra
               velocities: FloatArray) -> IntArray:
     """Label points of a plane."""
     initial = make_initial_conditions(known.parameters, phases, displacement, velocities)
-    results = np.zeros(len(initial), RESULT)
-    follow_here(initial, cap, known.table, results)
-    return np.asarray(results['label'], np.int64)
+    return np.asarray(results_here(initial, cap, known.table)['label'], np.int64)
 
 
 @Study
@@ -148,7 +146,6 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
             'wall, -4 between the walls'))})
     attractors.write_attractors(store, known)
     _write_results(store, plane, label, known, seed)
-    attractors.write_attractors(store, known)
     return store
 
 

@@ -26,7 +26,7 @@ from .attractors import describe as describe_attractors
 from .basins import compute_basins
 from .grid import GRIDS
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import follow_here
+from ..attractors.catalogue import results_here
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core import defaults
@@ -253,8 +253,7 @@ def tally(parts: Iterable[tuple[RecordArray, RecordArray]], table: Table, cap: i
             row[1] += int(given_up[cell])
     if not rows:
         return counts, censored, NONE
-    followed = np.zeros(len(first), RESULT)
-    follow_here(np.concatenate(list(first.values())), FAR * cap, table, followed)
+    followed = results_here(np.concatenate(list(first.values())), FAR * cap, table)
     places = {release: place for place, release in enumerate(first)}
     releases, sticks = zip(*rows, strict=True)
     trajectory = np.array([places[release] for release in releases])

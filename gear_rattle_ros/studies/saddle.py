@@ -152,10 +152,8 @@ def _write_results(store: Store, straddling: Straddling, work: Work, seed: int) 
     found = [('', *near) for near in straddling.orbits_near(
         points, (orbit,) if orbit else unstable) if near[1]][:LISTED]
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
-        rays = np.concatenate([straddling.accessible(each, REACHED, random)
-                               for _ in range(RAYS)])
-        near = straddling.orbits_near(rays, unstable)
-        found += [(each.key, *max(near, key=lambda one: one[1] / one[0].impacts))] if near else []
+        if met := straddling.accessible_orbit(each, unstable, RAYS, REACHED, random):
+            found.append((each.key, *met))
     orbits = [one for _, one, _ in found]
     hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
     values, errors = zip(rates.kappa, rates.lambda_1, rates.lambda_2, rates.dimension_1,

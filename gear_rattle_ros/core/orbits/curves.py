@@ -35,6 +35,7 @@ from .section import turn
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
+from ..flight.elementary import TWO_PI
 from ..flight.inverse import previous_impact
 from ..model import Model
 
@@ -134,9 +135,12 @@ def carry(walls: IntArray, points: FloatArray, times: int, backwards: bool, fast
         walls[i], points[i, 0], points[i, 1] = wall, phase, velocity
 
 
-def impact_map(model: Model, *, backwards: bool = False, fastest: float = math.inf) -> Map:
+def impact_map(model: Model, *, backwards: bool = False, fastest: float = math.inf,
+               check: Callable[[], None] = lambda: None) -> Map:
     """Return the map from impact to impact, or its inverse, up to a speed [1]."""
+    # `check` is called each time, and raises to give up.
     def map_on(walls: IntArray, points: FloatArray, times: int) -> tuple[IntArray, FloatArray]:
+        check()
         walls, points = walls.copy(), points.copy()
         carry(walls, points, times, backwards, fastest, model)
         return walls, points
@@ -240,6 +244,13 @@ def _refine(segment: Segment, map_on: Map, now: _Generation, n: int, tolerance: 
                           np.concatenate([points, now.points[-1:]]),
                           now.torn[owner] & ~coarse[owner])
     return now
+
+
+def pieces(points: FloatArray, begins: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return the lines between neighbours of a curve, shape (n, 2, 2), none round the circle."""
+    points = np.column_stack([np.mod(points[:, 0], TWO_PI), points[:, 1]])
+    drawn = ~begins[1:] & (np.abs(np.diff(points[:, 0])) < math.pi)
+    return np.stack([points[:-1][drawn], points[1:][drawn]], axis=1)
 
 
 def joined(parts: Sequence[Curve]) -> Curve:

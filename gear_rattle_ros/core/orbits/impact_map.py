@@ -18,10 +18,11 @@ import math
 
 import numpy as np
 
+from .section import turn_of
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPER, wall_of
-from ..flight.elementary import relaxation, sine_cosine
+from ..flight.elementary import relaxation, sine_cosine, TWO_PI
 from ..flight.first_impact import search_impact
 from ..model import Model
 
@@ -77,7 +78,7 @@ def map_points(points: FloatArray, model: Model
     walls, times = np.full(n, NO_WALL), np.zeros(n)
     for i in range(n):
         # Phases of a segment may lie a little outside one drive period.
-        phase = points[i, 0] - 2.0 * math.pi * math.floor(points[i, 0] / (2.0 * math.pi))
+        phase = points[i, 0] - TWO_PI * math.floor(points[i, 0] / TWO_PI)
         velocity = points[i, 1]
         walls[i], _, images[i, 0], images[i, 1], times[i] = next_impact(
             wall_of(velocity), phase, velocity, model)
@@ -100,8 +101,7 @@ def shoot(walls: IntArray, points: FloatArray,
         if hit != walls[n] or velocity == 0.0:
             return False, defects, jacobian, times
         times[k] = d
-        apart = phase - points[n, 0]
-        defects[2 * k] = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi) + 0.5)
+        defects[2 * k] = turn_of(phase - points[n, 0])
         defects[2 * k + 1] = velocity - points[n, 1]
         one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
         for row in range(2):

@@ -21,8 +21,9 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from .impact_map import derivatives, next_impact
-from .newton import close_ring, turned
+from .newton import close_ring
 from .orbit import Orbit, orbit_at
+from .section import turn_of
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
@@ -95,11 +96,11 @@ class OrbitList:
         return once * (once - 1) / (2.0 * (twice + 1))
 
     def statement(self) -> str:
-        """Say how far the list is complete."""
+        """State how complete the list is."""
         points = counted(self.points, 'point')
         if self.is_complete:
-            return (f'complete as far as seeds show: from {points} of the section, as many as '
-                    f'before once more, no orbit was added')
+            return (f'complete as far as seeds show: the last doubling, to {points} of the '
+                    'section, added no orbit')
         done = (f'the last doubling, to {points} of the section, added '
                 f'{counted(self.rounds[-1][1] - self.rounds[-2][1], "orbit")}'
                 if len(self.rounds) > 1 else f'there was one round alone, of {points}')
@@ -110,20 +111,28 @@ class Rings:
     """Closed sequences of impacts, a row of arrays for each, and how many seeds led to it."""
 
     def __init__(self, found: OrbitList) -> None:
-        self.parameters, self.longest, self.known = found.parameters, found.longest, 0
+        self.parameters, self.longest = found.parameters, found.longest
         self._arrays = (
             np.zeros((0, self.longest), np.int64), np.zeros((0, self.longest, 2)),
             np.zeros(0, np.int64), np.zeros(0, np.int64))
-        for orbit, seeds in zip(found.orbits, found.seeds, strict=True):
-            self.add(orbit.walls, orbit.points, seeds)
+        self._make_room(len(found.orbits))
+        walls, rings, impacts, seeds = self._arrays
+        for row, orbit in enumerate(found.orbits):
+            walls[row, :orbit.impacts], rings[row, :orbit.impacts] = orbit.walls, orbit.points
+            impacts[row] = orbit.impacts
+        self.known = len(found.orbits)
+        seeds[:self.known] = found.seeds
 
-    def add(self, on_walls: IntArray, points: FloatArray, seeds: int) -> None:
-        """Add a sequence, or seeds of one that is there."""
-        self._make_room(self.known + 1)
-        self.known = keep(on_walls, points, *self._arrays, seeds, self.known)
+    def add(self, seeds: IntArray, new: list[Row]) -> None:
+        """Add seeds of the first sequences, and sequences that may be there."""
+        self._arrays[-1][:len(seeds)] += seeds
+        for on_walls, points, count in new:
+            self._make_room(self.known + 1)
+            self.known = keep(on_walls, points, *self._arrays, count, self.known)
 
-    def seek(self, first: int, count: int) -> None:
-        """Add what seeds from some points of the section lead to."""
+    def seek(self, first: int, count: int) -> tuple[IntArray, list[Row]]:
+        """Find what seeds from some points of the section lead to; return it for `add`."""
+        known, before = self.known, self._arrays[-1][:self.known].copy()
         p = self.parameters
         # An orbit has a flight no faster than q impacts in a drive period; the other velocities
         # differ by what the forces can do in a period.
@@ -132,10 +141,11 @@ class Rings:
         while first < end:
             self._make_room(self.known + 1)
             first, self.known = seek(first, end, fastest, *self._arrays, self.known, p.model)
+        return self._arrays[-1][:known] - before, self.rows()[known:]
 
     def splice(self) -> None:
         """Add what two orbits lead to that come near each other, one after the other."""
-        # So are found those that hardly a trajectory comes near to.
+        # This finds orbits that few trajectories approach.
         whole = min(self.known, PARTS)
         for i in range(whole):
             self._make_room(self.known + whole * self.longest)
@@ -166,7 +176,7 @@ class Rings:
 @kernel
 def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArray,
          impacts: IntArray, seeds: IntArray, known: int, model: Model) -> tuple[int, int]:
-    """Close what comes nearly back from points of the section; return the next, and the known."""
+    """Close near returns from points of the section; return the next point, and what is known."""
     # It stops before the point for which there may be no room.
     longest = rings.shape[1]
     length = FOLLOWED + longest
@@ -200,7 +210,7 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
                 if on_walls[n + q] != on_walls[n]:
                     continue
                 # Where the first step of Newton's method goes far, there is no orbit near.
-                off_phase = turned(path[n + q, 0] - path[n, 0])
+                off_phase = turn_of(path[n + q, 0] - path[n, 0])
                 off_velocity = path[n + q, 1] - path[n, 1]
                 determinant = (a - 1.0) * (d - 1.0) - b * c
                 by_phase = (b * off_velocity - (d - 1.0) * off_phase) / determinant
@@ -240,7 +250,7 @@ def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntA
         here, there, nearest = -1, -1, SPLICED
         for k in range(impacts[i]):
             for n in range(impacts[j]):
-                apart = max(abs(turned(rings[i, k, 0] - rings[j, n, 0])),
+                apart = max(abs(turn_of(rings[i, k, 0] - rings[j, n, 0])),
                             abs(rings[i, k, 1] - rings[j, n, 1]))
                 if walls[j, n] == walls[i, k] and apart < nearest and (i != j or k < n):
                     here, there, nearest = k, n, apart
@@ -293,4 +303,4 @@ def keep(on_walls: IntArray, ring: FloatArray, walls: IntArray, rings: FloatArra
 @kernel
 def is_at(wall: int, point: FloatArray, other_wall: int, other: FloatArray, near: float) -> bool:
     return (wall == other_wall and abs(point[1] - other[1]) < near
-            and abs(turned(point[0] - other[0])) < near)
+            and abs(turn_of(point[0] - other[0])) < near)

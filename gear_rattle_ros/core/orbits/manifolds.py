@@ -31,10 +31,11 @@ import numpy.typing as npt
 
 from .impact_map import next_impact
 from .orbit import fire, Orbit
+from .section import turn_of
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
-from ..flight.elementary import exp_minus, logarithm, TWO_PI
+from ..flight.elementary import exp_minus, logarithm
 from ..model import Model
 from ..words import counted
 
@@ -140,8 +141,7 @@ def returns(places: FloatArray, seed: float, wall: int, point: FloatArray, unsta
             c = n % period
             if whole and c:
                 continue
-            turn = phase - target[0]
-            turn -= TWO_PI * math.floor(turn / TWO_PI + 0.5)
+            turn = turn_of(phase - target[0])
             climb = velocity - target[1]
             across = rows[0, 0] * turn + rows[0, 1] * climb
             along = rows[1, 0] * turn + rows[1, 1] * climb

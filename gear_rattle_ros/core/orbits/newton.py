@@ -18,9 +18,9 @@ import math
 from typing import Final
 
 from .impact_map import derivatives, next_impact
+from .section import turn_of
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
-from ..flight.elementary import TWO_PI
 from ..model import Model
 
 # A step of this size is the last [rad, 1]; so is one that is not smaller than the one before
@@ -28,12 +28,6 @@ from ..model import Model
 CLOSED: Final = 1e-12
 ROUNDING: Final = 1e-11
 NEWTON_STEPS: Final = 40
-
-
-@kernel
-def turned(angle: float) -> float:
-    """Bring a difference of phases to [-pi, pi] [rad]."""
-    return angle - TWO_PI * math.floor(angle / TWO_PI + 0.5)
 
 
 @kernel
@@ -54,7 +48,7 @@ def correct(walls: IntArray, points: FloatArray, carried: FloatArray,
             return math.inf, math.inf
         p_p, p_v, _, v_p, v_v, _ = derivatives(points[k, 0], points[k, 1], time, phase, velocity,
                                                model)
-        off_phase = turned(phase - points[following, 0])
+        off_phase = turn_of(phase - points[following, 0])
         off_velocity = velocity - points[following, 1]
         largest = max(largest, abs(off_phase), abs(off_velocity))
         a, b, c, d, e, f = (p_p * a + p_v * c, p_p * b + p_v * d, v_p * a + v_v * c,

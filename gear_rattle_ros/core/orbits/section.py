@@ -34,6 +34,12 @@ def distance(velocity_a: float, phase_a: float, velocity_b: float, phase_b: floa
     return max(min(turned, TWO_PI - turned), abs(velocity_a - velocity_b))
 
 
+@kernel
+def turn_of(angle: float) -> float:
+    """Bring one difference of phases to [-pi, pi] [rad]."""
+    return angle - TWO_PI * math.floor(angle / TWO_PI + 0.5)
+
+
 def turn(angle: npt.ArrayLike) -> FloatArray:
     """Bring differences of phase to [-pi, pi] [rad]."""
     angle = np.asarray(angle, np.float64)
