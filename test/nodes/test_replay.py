@@ -14,6 +14,7 @@
 
 """The replay as a real process on real DDS."""
 
+import io
 import json
 from pathlib import Path
 import signal
@@ -21,6 +22,7 @@ import time
 
 from bag_maker import batches, make_bag, START, states, story, topic
 from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
 import pytest
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
@@ -199,7 +201,10 @@ def test_a_damaged_bag_is_played_up_to_the_damage(
         start, listener: Listener, bag: Path, tmp_path: Path) -> None:
     """Then one line names what is wrong, and the exit status is 1."""
     whole = bytearray((bag / '2026_0.mcap').read_bytes())
-    whole[len(whole) // 2] ^= 0xFF
+    # What is compressed, not the head of a chunk: without that there is nothing to play.
+    chunks = make_reader(io.BytesIO(whole)).get_summary().chunk_indexes
+    chunk = chunks[len(chunks) // 2]
+    whole[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
     (tmp_path / 'damaged.mcap').write_bytes(whole)
     process = start('replay', str(tmp_path / 'damaged.mcap'), '--speed', '0')
     assert listener.until_end(process) == 1, process.text()
