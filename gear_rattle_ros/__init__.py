@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .attractors.plane import Plane as Plane
     from .bags.reader import Bag as Bag, EVENT_UNITS as EVENT_UNITS, read_bag as read_bag
     from .core.flight.simulation import Simulation as Simulation
+    from .core.gears import Gears as Gears
     from .core.model import (
         EVENT as EVENT,
         EventKind as EventKind,
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
     from .studies.transitions import transitions as transitions
 
 __all__ = [
-    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
+    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Gears', 'Parameters', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'boundary',
     'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'manifolds',
     'motion', 'open_dataset', 'orbit_diagram', 'orbits', 'read_bag', 'read_orbits', 'rebuild',
@@ -67,6 +68,7 @@ MODULES = {
     'attractors.plane': ['Plane'],
     'bags.reader': ['Bag', 'EVENT_UNITS', 'read_bag'],
     'core.flight.simulation': ['Simulation'],
+    'core.gears': ['Gears'],
     'core.model': ['EVENT', 'EventKind', 'Parameters', 'State', 'Wall'],
     'core.stream.lyapunov': ['RunningLyapunov'],
     'core.stream.reconstruction': ['rebuild'],

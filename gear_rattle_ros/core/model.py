@@ -125,55 +125,6 @@ class Parameters:
         """Return those in a record or mapping that has their names, such as an event."""
         return cls(*(float(record[name]) for name in Model._fields))
 
-    @classmethod
-    def from_physical(
-        cls, *, inertia: float, damping: float, torque: float, drive_amplitude: float,
-        drive_frequency: float, driver_radius: float, driven_radius: float, backlash: float,
-        restitution: float,
-    ) -> 'Parameters':
-        """
-        Make dimensionless parameters from a gear pair.
-
-        Parameters
-        ----------
-        inertia : float
-            Moment of inertia of the driven gear m [kg m^2], positive.
-        damping : float
-            Linear oil drag d [N m s/rad], not negative.
-        torque : float
-            Constant load torque T [N m].
-        drive_amplitude : float
-            Amplitude of the driver's angular vibration A [rad], not negative.
-        drive_frequency : float
-            Its angular frequency omega [rad/s], positive.
-        driver_radius, driven_radius : float
-            Pitch radii R_e and R [m], positive.
-        backlash : float
-            Backlash nu [m], positive.
-        restitution : float
-            Coefficient of restitution r [1].
-
-        Returns
-        -------
-        model : Parameters
-            ``alpha = A R_e/nu``, ``beta = d/(m omega)``, ``gamma = T R/(m nu omega^2)``: the
-            paper's definitions below eq. (3), with the nu that makes gamma dimensionless.
-            ValueError if a quantity that must be positive is not, or a result is out of range.
-
-        """
-        for name, value in (
-            ('inertia', inertia), ('drive_frequency', drive_frequency), ('backlash', backlash),
-            ('driver_radius', driver_radius), ('driven_radius', driven_radius),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} = {value!r} must be positive')
-        return cls(
-            alpha=drive_amplitude * driver_radius / backlash,
-            beta=damping / (inertia * drive_frequency),
-            gamma=torque * driven_radius / (inertia * backlash * drive_frequency**2),
-            restitution=restitution,
-        )
-
 
 @dataclasses.dataclass(frozen=True)
 class State:

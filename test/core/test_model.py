@@ -63,49 +63,6 @@ def test_integers_become_floats_and_nothing_changes_later() -> None:
         state.velocity = 2.0  # type: ignore[misc]
 
 
-PAIR = {
-    'inertia': 2.0, 'damping': 6.0, 'torque': 5.0, 'drive_amplitude': 0.004,
-    'drive_frequency': 30.0, 'driver_radius': 0.05, 'driven_radius': 0.08, 'backlash': 2e-4,
-    'restitution': 0.9}
-
-
-def test_parameters_from_a_gear_pair() -> None:
-    """The definitions alpha = A R_e/nu, beta = d/(m omega), gamma = T R/(m nu omega^2)."""
-    parameters = Parameters.from_physical(**PAIR)
-    assert parameters.alpha == pytest.approx(0.004 * 0.05 / 2e-4, rel=1e-15)
-    assert parameters.beta == pytest.approx(6.0 / 60.0, rel=1e-15)
-    assert parameters.gamma == pytest.approx(5.0 * 0.08 / (2.0 * 2e-4 * 900.0), rel=1e-15)
-    assert parameters.restitution == 0.9
-
-
-def test_dimensionless_parameters_do_not_depend_on_units() -> None:
-    """Another unit of length, mass or time changes nothing (which gamma without nu would)."""
-    length, mass, time = 1000.0, 7.0, 60.0
-    scaled = Parameters.from_physical(
-        inertia=PAIR['inertia'] * mass * length**2,
-        damping=PAIR['damping'] * mass * length**2 / time,
-        torque=PAIR['torque'] * mass * length**2 / time**2,
-        drive_amplitude=PAIR['drive_amplitude'],
-        drive_frequency=PAIR['drive_frequency'] / time,
-        driver_radius=PAIR['driver_radius'] * length,
-        driven_radius=PAIR['driven_radius'] * length,
-        backlash=PAIR['backlash'] * length,
-        restitution=PAIR['restitution'])
-    plain = Parameters.from_physical(**PAIR)
-    assert scaled.alpha == pytest.approx(plain.alpha, rel=1e-14)
-    assert scaled.beta == pytest.approx(plain.beta, rel=1e-14)
-    assert scaled.gamma == pytest.approx(plain.gamma, rel=1e-14)
-
-
-@pytest.mark.parametrize('name', [
-    'inertia', 'drive_frequency', 'driver_radius', 'driven_radius', 'backlash'])
-@pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf])
-def test_a_gear_pair_of_nothing_is_refused(name: str, value: float) -> None:
-    """What must be positive is named when it is not."""
-    with pytest.raises(ValueError, match=f'^{name} = '):
-        Parameters.from_physical(**{**PAIR, name: value})
-
-
 def test_layout_of_an_event() -> None:
     """80 bytes: four unsigned words and eight doubles, in the published order."""
     assert EVENT.itemsize == 80
