@@ -15,6 +15,7 @@
 """Attractors as a table in plain text, from the arrays in which a dataset keeps them."""
 
 from collections.abc import Mapping, Sequence
+import types
 from typing import Any, Final
 
 import numpy as np
@@ -56,18 +57,21 @@ COLUMNS: Final = tuple(f'attractor_{name}' for name in (
     'multiplier_real', 'multiplier_imaginary', 'pieces', 'exponent', 'exponent_error'))
 
 
-def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None) -> str:
+def listed(columns: Mapping[str, Any], hold: int, cells: Mapping[int, int] | None = None,
+           beside: Mapping[str, Sequence[str]] = types.MappingProxyType({})) -> str:
     """List attractors, numbered as in the dataset and in every picture."""
     # `columns` are the arrays of `table_of`, by name; `hold` is the number of impacts after which
-    # what has not settled is unsettled, and `cells` counts the cells of a grid by label.
-    headings = [' label', 'key', 'kind', ' random initial conditions [%]', 'period or exponents']
+    # what has not settled is unsettled, and `cells` counts the cells of a grid by label. Columns
+    # `beside` follow the shares.
+    headings = [' label', 'key', 'kind', ' random initial conditions [%]', *beside,
+                'period or exponents']
     has_letters, rows = any(columns['attractor_letter']), []
     for k, label in enumerate(columns['attractor_label']):
         one = {name.removeprefix('attractor_'): values[k] for name, values in columns.items()
                if name.startswith('attractor_')}
         row = [str(label), str(one['key']), str(one['kind']),
                f'{100.0 * one["share"]:.2f} +- {100.0 * one["share_error"]:.2f}',
-               _detail(one, hold)]
+               *(column[k] for column in beside.values()), _detail(one, hold)]
         if cells is not None:
             row.insert(3, f'{100.0 * cells.get(int(label), 0) / sum(cells.values()):.3f}')
         if has_letters:

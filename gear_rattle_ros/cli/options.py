@@ -21,6 +21,7 @@ from typing import Any, Final, TYPE_CHECKING
 
 from .refusal import Parser
 from ..core import defaults
+from ..gear_pairs import add_gears
 
 if TYPE_CHECKING:
     from ..attractors.plane import Plane
@@ -78,6 +79,7 @@ def add_model(parser: Parser, alpha: float | tuple[float, float] | None = defaul
     add(group, 'beta', number, defaults.BETA, 'damping [1]')
     add(group, 'gamma', number, defaults.GAMMA, 'constant load [1]')
     add(group, 'restitution', number, defaults.RESTITUTION, 'coefficient of restitution [1]')
+    add_gears(parser, number)
 
 
 def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0) -> None:

@@ -31,6 +31,7 @@ from typing import Any, Final, TYPE_CHECKING
 
 from .options import model_of, number, plane_of, whole
 from .refusal import attempt, INTERRUPTED, Parser
+from ..gear_pairs import parse
 from ..places import typed
 
 if TYPE_CHECKING:
@@ -57,14 +58,19 @@ class Command:
         words = sys.argv[1:] if arguments is None else list(arguments)
         parser = Parser(self.name, description=self.description)
         self.add_options(parser)
-        asked = {action.dest: action.default for action in parser._actions}
+        asked = list(parser._actions)
         _add_run(parser)
         if self.has_picture:
             add_picture(parser)
             add_views(parser)
-        given = parser.parse_args(words)
-        given.output = given.output or Path(f'{_name(self.name, asked, given)}.zarr')
-        return attempt(self.name, lambda: self._run(given, words))
+
+        def action() -> int:
+            given = parse(parser, words)
+            name = _name(self.name, {each.dest: each.default for each in asked}, given)
+            given.output = given.output or Path(f'{name}.zarr')
+            return self._run(given, words)
+
+        return attempt(self.name, action)
 
     def _run(self, given: argparse.Namespace, words: list[str]) -> int:
         drawn = getattr(given, 'picture', None)
@@ -93,8 +99,16 @@ class Command:
                     for name, value in vars(given).items() if name in takes}
         if 'alphas' in takes:
             keywords['alphas'] = tuple(given.alpha)
+        parameters = model_of(given)
+        if given.pair is not None:
+            if given.pair.parameters != parameters:
+                given.pair = given.pair.with_parameters(parameters)
+            keywords['gears'] = given.pair
+            for line in given.pair.warnings():
+                print(f'{self.name}: {line}', file=sys.stderr)
+            print(given.pair.describe())
         store = study.compute(
-            model_of(given), plane=plane, **keywords | self.keywords(given), store=output,
+            parameters, plane=plane, **keywords | self.keywords(given), store=output,
             resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
@@ -124,7 +138,7 @@ def _name(name: str, asked: Mapping[str, Any], given: argparse.Namespace) -> str
     parts = [name]
     for option, default in asked.items():
         value = getattr(given, option, default)
-        is_single = option == 'alpha' and isinstance(value, float)
+        is_single = option == 'alpha' and isinstance(value, float) and given.pair is None
         if option != 'colours' and (is_single or _flat(value) != _flat(default)):
             parts += [*([] if is_single else [option.replace('_', '-')]), '_'.join(_flat(value))]
     return '-'.join(parts)

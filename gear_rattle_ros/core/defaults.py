@@ -14,6 +14,8 @@
 
 """Values that options and functions have by default; only the standard library here."""
 
+from collections.abc import Mapping
+import types
 from typing import Final
 
 # The model of the paper [1].
@@ -40,3 +42,19 @@ LIFETIMES_INITIAL_CONDITIONS: Final = 256
 LIFETIMES_HOLD: Final = 20_000
 # Impacts of a finite-time exponent.
 EXPONENT_IMPACTS: Final = 50
+
+# Quantities of a gear pair: what each is, and its unit, in the order of a data sheet.
+QUANTITIES: Final[Mapping[str, tuple[str, str]]] = types.MappingProxyType({
+    'inertia_kg_m2': ('moment of inertia of the driven gear', 'kg m^2'),
+    'driver_radius_m': ('pitch radius of the driver', 'm'),
+    'driven_radius_m': ('pitch radius of the driven gear', 'm'),
+    'backlash_m': ('backlash, along the pitch circle', 'm'),
+    'drag_n_m_s_per_rad': ('drag torque of the driven gear per angular velocity', 'N m s/rad'),
+    'torque_n_m': ('constant load torque of the driven gear', 'N m'),
+    'drive_rad': ("amplitude of the driver's angular vibration", 'rad'),
+    'drive_m': ("amplitude of the driver's vibration along the pitch circle", 'm'),
+    'frequency_hz': ('frequency of the vibration', 'Hz'),
+    'order': ('periods of the vibration per revolution at speed_rpm', '1'),
+    'speed_rpm': ('speed of the shaft that order counts by', '1/min'),
+    'restitution': ('coefficient of restitution', '1'),
+})

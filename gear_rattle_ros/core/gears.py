@@ -17,26 +17,11 @@
 from collections.abc import Mapping
 import dataclasses
 import math
-import types
 from typing import Any, Final, NamedTuple
 
+from .defaults import QUANTITIES
 from .model import Parameters, require_finite
 
-# What each quantity is, and its unit, in the order of a data sheet.
-QUANTITIES: Final[Mapping[str, tuple[str, str]]] = types.MappingProxyType({
-    'inertia_kg_m2': ('moment of inertia of the driven gear', 'kg m^2'),
-    'driver_radius_m': ('pitch radius of the driver', 'm'),
-    'driven_radius_m': ('pitch radius of the driven gear', 'm'),
-    'backlash_m': ('backlash, along the pitch circle', 'm'),
-    'drag_n_m_s_per_rad': ('drag torque of the driven gear per angular velocity', 'N m s/rad'),
-    'torque_n_m': ('constant load torque of the driven gear', 'N m'),
-    'drive_rad': ("amplitude of the driver's angular vibration", 'rad'),
-    'drive_m': ("amplitude of the driver's vibration along the pitch circle", 'm'),
-    'frequency_hz': ('frequency of the vibration', 'Hz'),
-    'order': ('periods of the vibration per revolution at speed_rpm', '1'),
-    'speed_rpm': ('speed of the shaft that order counts by', '1/min'),
-    'restitution': ('coefficient of restitution', '1'),
-})
 POSITIVE: Final = ('inertia_kg_m2', 'driver_radius_m', 'driven_radius_m', 'backlash_m',
                    'frequency_hz', 'order', 'speed_rpm')
 # Each is given in one of two ways.
@@ -106,17 +91,22 @@ class Gears:
                              'wrong') from error
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> 'Gears':
-        """Make a gear pair from values by name; ValueError names one unknown or missing."""
-        required = [field.name for field in dataclasses.fields(cls)
-                    if field.default is dataclasses.MISSING]
-        for name in values:
+    def of(cls, values: Mapping[str, Any], **changes: Any) -> 'Gears':
+        """Make a gear pair from values by name; a change drops the other way to give the same."""
+        for ways in (DRIVE, FREQUENCY):
+            for way, other in (ways, ways[::-1]):
+                if any(name in changes for name in way):
+                    values = {name: value for name, value in values.items() if name not in other}
+        values = {**values, **changes}
+        for name, value in values.items():
             if name not in QUANTITIES:
                 raise ValueError(f'unknown quantity {name!r}; known are {", ".join(QUANTITIES)}')
-        for name in required:
-            if name not in values:
-                words, unit = QUANTITIES[name]
-                raise ValueError(f'{name} is missing: {words} [{unit}]')
+            if isinstance(value, bool):
+                raise ValueError(f'{name} = {value} is not a number')
+        for field in dataclasses.fields(cls):
+            if field.default is dataclasses.MISSING and field.name not in values:
+                words, unit = QUANTITIES[field.name]
+                raise ValueError(f'{field.name} is missing: {words} [{unit}]')
         return cls(**values)
 
     def _has(self, name: str) -> bool:
@@ -129,13 +119,7 @@ class Gears:
 
     def at(self, **changes: float) -> 'Gears':
         """Return the gear pair with other values; the other way to give the same is dropped."""
-        values: dict[str, float | None] = {**self.given, **changes}
-        for ways in (DRIVE, FREQUENCY):
-            for way, other in (ways, ways[::-1]):
-                if any(name in changes for name in way):
-                    values = {name: value for name, value in values.items()
-                              if name not in other or name in changes}
-        return Gears.of(values)
+        return Gears.of(self.given, **changes)
 
     @property
     def omega(self) -> float:
@@ -168,6 +152,14 @@ class Gears:
         return Parameters(**{name: getattr(self, quantity) / unit
                              for name, (quantity, unit) in self.units.items()})
 
+    def require(self, parameters: Parameters) -> None:
+        """Raise ValueError where the gear pair has other parameters."""
+        for name, ours in vars(self.parameters).items():
+            theirs = getattr(parameters, name)
+            if not math.isclose(ours, theirs, rel_tol=1e-9, abs_tol=1e-12):
+                raise ValueError(f'{name} = {theirs:g}, but that of the gear pair is {ours:g}; '
+                                 'give its parameters')
+
     def with_parameters(self, parameters: Parameters) -> 'Gears':
         """Return the gear pair whose drive, drag, torque and restitution give these parameters."""
         return self.at(**{quantity: getattr(parameters, name) * unit
@@ -192,6 +184,16 @@ class Gears:
         damping = (self.drag_n_m_s_per_rad / self.inertia_kg_m2)**2
         return math.sqrt(2.0 * load / (damping / load + math.hypot(damping / load, 2.0))
                          ) / (2.0 * math.pi)
+
+    def describe(self) -> str:
+        """Put its dimensionless parameters and its scales in words."""
+        drive = ', '.join(f'{name} 1 is {quantity} {unit:.4g}' for name, (quantity, unit)
+                          in self.units.items() if name != quantity)
+        scales = ', '.join(f'{name} {value:.4g}' for name, value in self.scales._asdict().items())
+        parameters = ', '.join(f'{name} {value:.6g}'
+                               for name, value in vars(self.parameters).items())
+        return (f'gear pair at {self.omega / (2.0 * math.pi):.6g} Hz: {parameters}; a gear at '
+                f'rest is lifted above {self.onset_hz:.6g} Hz\nin SI 1 is {scales}\n{drive}')
 
     def warnings(self) -> tuple[str, ...]:
         """Return a line for each thing that looks like a wrong unit, or that never rattles."""

@@ -16,12 +16,14 @@
 
 from collections.abc import Callable
 import importlib
+import json
 from pathlib import Path
 from typing import Any, Final, TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from .style import Looks
+from .style import add_si_axes, Looks
+from ..core.gears import Gears
 
 if TYPE_CHECKING:
     import xarray
@@ -64,7 +66,7 @@ def draw(dataset: 'xarray.Dataset', **looks: Any) -> Figure:
         Ready to be saved.
 
     """
-    return _drawer(_names(dataset)[''])(dataset, Looks(**looks))
+    return _drawn(_names(dataset)[''], dataset, looks)
 
 
 def save(dataset: 'xarray.Dataset', path: Path | str, **looks: Any) -> list[Path]:
@@ -89,7 +91,7 @@ def save(dataset: 'xarray.Dataset', path: Path | str, **looks: Any) -> list[Path
     path, written = Path(path), []
     for suffix, name in _names(dataset).items():
         written.append(path.with_name(f'{path.stem}-{suffix}{path.suffix}') if suffix else path)
-        _drawer(name)(dataset, Looks(**looks)).savefig(written[-1])
+        _drawn(name, dataset, looks).savefig(written[-1])
     return written
 
 
@@ -101,6 +103,11 @@ def _names(dataset: 'xarray.Dataset') -> dict[str, str]:
     return PICTURES[tool]
 
 
-def _drawer(name: str) -> Callable[['xarray.Dataset', Looks], Figure]:
+def _drawn(name: str, dataset: 'xarray.Dataset', looks: dict[str, Any]) -> Figure:
     module, function = name.split('.')
-    return getattr(importlib.import_module(f'.{module}', __package__), function)
+    drawer: Callable[['xarray.Dataset', Looks], Figure] = getattr(
+        importlib.import_module(f'.{module}', __package__), function)
+    figure = drawer(dataset, Looks(**looks))
+    if 'gears' in dataset.attrs:
+        add_si_axes(figure, Gears.of(json.loads(dataset.attrs['gears'])))
+    return figure

@@ -15,6 +15,7 @@
 """How figures look: colours, axes that match pixels, ticks in pi."""
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 import struct
@@ -32,6 +33,8 @@ import numpy.typing as npt
 from PIL import Image
 
 from ..core.arrays import FloatArray
+from ..core.defaults import QUANTITIES
+from ..core.gears import Gears
 from ..palette import GREY, hue
 
 if TYPE_CHECKING:
@@ -48,6 +51,8 @@ HALO: Final = 0.45
 # Edge of a grid in a picture, about, and margins of its axes [pixels].
 EDGE: Final = 800
 LEFT, RIGHT, BOTTOM, TOP = 90, 30, 66, 64
+# How far below and left of its axes an axis in SI units is [pixels].
+BESIDE: Final = 52, 78
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
@@ -101,6 +106,9 @@ class Picture(Figure):
     """A figure that is saved with real fonts, whatever the caller has set."""
 
     def savefig(self, *arguments: Any, **options: Any) -> None:
+        if any(axes.child_axes for axes in self.axes):
+            # Those in SI units lie outside.
+            options = {'bbox_inches': 'tight', 'pad_inches': 0.1} | options
         with rc_context(FONTS):
             super().savefig(*arguments, **options)
 
@@ -116,6 +124,27 @@ def add_axes(figure: Figure, left: int, bottom: int, width: int, height: int) ->
     axes = figure.add_axes((left / w, bottom / h, width / w, height / h))
     axes.tick_params(direction='out', labelsize=11)
     return axes
+
+
+def add_si_axes(figure: Figure, gears: Gears) -> None:
+    """Add a second axis in SI units beside each axis of a velocity, parameter or the like."""
+    scales = gears.scales
+    units = {'velocity': (1e3 * scales.velocity_m_per_s, '[mm/s]'),
+             'smallest kick': (1e3 * scales.velocity_m_per_s, '[mm/s]'),
+             'displacement s': (1e6 * scales.displacement_m, '[μm]'),
+             '[drive periods]': (2e3 * math.pi * scales.time_s, '[ms]')} | {
+        f', {name} [1]': (unit, '{} [{}]'.format(*QUANTITIES[quantity]))
+        for name, (quantity, unit) in gears.units.items() if name != quantity}
+    for axes in [*figure.axes]:
+        box = axes.get_position().size * figure.get_size_inches() * DPI
+        for is_upright, label in enumerate((axes.get_xlabel(), axes.get_ylabel())):
+            for words, (unit, name) in units.items():
+                if words in label:
+                    add = axes.secondary_yaxis if is_upright else axes.secondary_xaxis
+                    second = add(-BESIDE[is_upright] / box[is_upright], functions=(
+                        functools.partial(np.multiply, unit),
+                        functools.partial(np.multiply, 1.0 / unit)))
+                    (second.set_ylabel if is_upright else second.set_xlabel)(name, fontsize=11)
 
 
 def write_title(figure: Figure, left: int, text: str) -> None:

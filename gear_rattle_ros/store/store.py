@@ -148,6 +148,12 @@ class Store:
         except StoreError:
             return False
 
+    def tables(self) -> dict[str, tuple[tuple[str, ...], str]]:
+        """Return the dimensions and the long name of all that is not made tile by tile."""
+        return {name: (tuple(array.metadata.dimension_names), array.attrs.get('long_name', ''))
+                for name, array in self._group.arrays()
+                if name not in (*self._variables, DONE)}
+
     def mark(self, tile: int | list[int], done: bool = True) -> None:
         """Enter whether tiles are done; one process only does this."""
         self._done[tile] = done

@@ -16,6 +16,7 @@
 
 import dataclasses
 import json
+import math
 from typing import Any, Final, Unpack
 
 import numpy as np
@@ -76,7 +77,25 @@ def describe(dataset: Arrays, cells: dict[int, int] | None = None, beside: str =
         each.with_share(0, dataset.attrs['random_initial_conditions'])
         for each in others_where(lambda label: label in (cells or {}) and label not in known)))
     columns = {name: [*dataset[name].values, *np.asarray(others[name][1])] for name in COLUMNS}
-    return listed(columns, dataset.attrs['hold'], cells) + (f'\n{beside}' if beside else '')
+    return listed(columns, dataset.attrs['hold'], cells, _in_si(dataset, columns)) + (
+        f'\n{beside}' if beside else '')
+
+
+def _in_si(dataset: Arrays, columns: dict[str, Any]) -> dict[str, list[str]]:
+    """Return columns in the units of the gear pair, if there is one."""
+    a = dataset.attrs
+    if 'gears' not in a:
+        return {}
+    labels, velocities = (np.concatenate([dataset[f'{what}_{name}'].values for what in (
+        'point', 'box')]) for name in ('label', 'velocity'))
+    fastest = [np.max(np.abs(velocities[labels == label]), initial=0.0)
+               for label in columns['attractor_label']]
+    return {
+        ' period [ms]': [f'{2e3 * math.pi * periods / a["omega"]:.6g}' if periods > 0 else ''
+                         for periods in columns['attractor_drive_periods']],
+        ' fastest impact [mm/s]': [
+            f'{1e3 * speed * a["scale_velocity_m_per_s"]:.4g}' if speed else ''
+            for speed in fastest]}
 
 
 def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) -> dict[str, Any]:

@@ -106,13 +106,17 @@ def describe(dataset: Arrays) -> str:
     a = dataset.attrs
     columns = [dataset[f'impact_{name}'].values for name in (
         'tau', 'wall', 'velocity', 'velocity_after')]
-    rows = [[f'{tau / TWO_PI:.6f}', Wall(wall).label, f'{before:+.6f}', f'{after:+.6f}']
+    velocity, time = (a.get(f'scale_{name}', 0.0) for name in ('velocity_m_per_s', 'time_s'))
+    rows = [[f'{tau / TWO_PI:.6f}', Wall(wall).label, f'{before:+.6f}', f'{after:+.6f}',
+             *([f'{1e3 * tau * time:.4f}', f'{1e3 * before * velocity:+.4g}',
+                f'{1e3 * after * velocity:+.4g}'] if time else [])]
             for tau, wall, before, after in list(zip(*columns, strict=True))[:LISTED]]
     name = ' '.join(filter(None, (a['attractor_letter'], a['attractor_key']))) or 'one trajectory'
     left = len(columns[0]) - len(rows)
     return '\n'.join([
         f'{name}: {counted(len(columns[0]), "impact")} in {counted(a["periods"], "drive period")}',
-        in_columns([' tau/2pi', 'wall', ' velocity before', ' after'], rows),
+        in_columns([' tau/2pi', 'wall', ' velocity before', ' after',
+                    *([' time [ms]', ' before [mm/s]', ' after [mm/s]'] if time else [])], rows),
         *([f'and {left:,} more'] if left else [])])
 
 

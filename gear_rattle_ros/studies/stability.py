@@ -245,6 +245,7 @@ def _states_of(parameters: Parameters, attractor: Attractor) -> FloatArray:
 def describe(dataset: Arrays) -> str:
     """Put the stability of every attractor in words."""
     a, omega = dataset.attrs, dataset.attrs['omega']
+    scale = a.get('scale_velocity_m_per_s', 0.0)
     one = {name: dataset[f'attractor_{name}'].values for name in (
         'label', 'letter', 'key', 'kind', 'settling_impacts', 'settling_periods', 'disc_radius',
         'disc_phase', 'disc_velocity', *(f'{what}_{field.name}' for what in (
@@ -263,9 +264,10 @@ def describe(dataset: Arrays) -> str:
             one[f'{what}_{name}'][k] for name in (
                 'size', 'change', 'phase_change', 'wall', 'phase', 'velocity', 'target',
                 'resolution', 'unsettled'))
+        in_si = [f'{1e3 * size * scale:.4g}'] if scale and what == 'kick' else []
         if not math.isfinite(size):
-            return [f'none to {a["reach"]:g}', *[''] * 5]
-        return [f'{size:.6f}', f'{change:+.6f}' if what == 'kick' else
+            return [f'none to {a["reach"]:g}', *[''] * (5 + len(in_si))]
+        return [f'{size:.6f}', *in_si, f'{change:+.6f}' if what == 'kick' else
                 f'({turned:+.6f}, {change:+.6f})',
                 f'{Wall(int(wall)).label}, {phase:.4f}, {velocity:+.4f}', names[int(target)],
                 f'{resolution:.1e}', f'{100.0 * unsettled:.2f}']
@@ -276,8 +278,9 @@ def describe(dataset: Arrays) -> str:
         *(f'{value:,.1f}' for value in one['settling_periods'][k, ::2]),
         *(f'{value * TWO_PI / omega:.4g}' for value in one['settling_periods'][k, ::2] if omega)])
     for what in ('kick', 'displacement'):
-        add([f'smallest {what}', ' size [1]', ' change', 'impact: wall, phase, velocity',
-             'leads to', ' dents under', ' unsettled [%]'], functools.partial(kick, what))
+        add([f'smallest {what}', ' size [1]',
+             *[' [mm/s]'] * bool(scale and what == 'kick'), ' change',
+             'impact: wall, phase, velocity', 'leads to', ' dents under', ' unsettled [%]'], functools.partial(kick, what))
     add(['largest disc', ' radius [1]', ' phase', ' velocity'], lambda k: [
         f'{one["disc_radius"][k]:.3f}', f'{one["disc_phase"][k]:.3f}',
         f'{one["disc_velocity"][k]:+.3f}'])

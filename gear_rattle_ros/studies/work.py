@@ -19,12 +19,17 @@ import contextlib
 import dataclasses
 import functools
 import inspect
+import json
 from pathlib import Path
 import sys
 from typing import Final, Generic, ParamSpec, TYPE_CHECKING, TypeAlias, TypedDict, TypeVar
 
 from .progress import Progress
 from ..attractors.engine import run_tiles
+from ..attractors.listing import named
+from ..core.defaults import QUANTITIES
+from ..core.gears import Gears
+from ..core.model import Parameters
 from ..core.words import counted
 from ..store.layout import Layout
 from ..store.making import make_store
@@ -47,11 +52,20 @@ class Study(Generic[P]):
     """A study: called, it returns its dataset."""
 
     def __init__(self, compute: Callable[P, Store]) -> None:
-        # For commands: xarray takes longer to import than a small grid to compute.
-        self.compute = compute
+        self._compute = compute
         functools.update_wrapper(self, compute)
         self.__doc__ = inspect.cleandoc(compute.__doc__ or '') + OPTIONS
         self.__signature__ = inspect.signature(compute).replace(return_annotation=Dataset)
+
+    def compute(self, *args: P.args, **options: P.kwargs) -> Store:
+        """Compute the store; for commands, as xarray takes longer to import than a small grid."""
+        gears = options.get('gears')
+        if isinstance(gears, Gears) and args and isinstance(args[0], Parameters):
+            gears.require(args[0])
+        store = self._compute(*args, **options)
+        if isinstance(gears, Gears):
+            _add_units(store, gears)
+        return store
 
     def __call__(self, *args: P.args, **options: P.kwargs) -> Dataset:
         return self.compute(*args, **options).dataset()
@@ -66,6 +80,7 @@ class WorkOptions(TypedDict, total=False):
     cluster: str | None
     command: str
     progress: bool | None
+    gears: Gears | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +92,8 @@ class Work:
     `resume` goes on with a store that exists. `threads` is by default one for each processor;
     `cluster` is the address of a Dask scheduler whose workers see the store. `command`, the
     command line that does the same, is kept in the dataset. `progress` is reported on stderr, by
-    default where that is a terminal.
+    default where that is a terminal. `gears` is the gear pair that has these parameters: the
+    dataset then has SI units, too.
     """
 
     store: Path | str | None = None
@@ -86,6 +102,7 @@ class Work:
     cluster: str | None = None
     command: str = ''
     progress: bool | None = None
+    gears: Gears | None = None
 
     def begin(self, layout: Layout) -> Store:
         """Make the store, or open the one to go on with; StoreError where neither can be."""
@@ -129,3 +146,23 @@ class Work:
                 progress.add(size(tile), impacts)
 
             yield pending, finished
+
+
+def _add_units(store: Store, gears: Gears) -> None:
+    """Add to a store the gear pair, its scales, and what is not made tile by tile in SI units."""
+    scales, names, added = gears.scales, store.tables(), {}
+    velocity = scales.velocity_m_per_s, '{}_m_per_s', 'm/s'
+    units = dict.fromkeys(('velocity', 'velocity_after', 'kick', 'kick_size'), velocity) | {
+        'displacement': (scales.displacement_m, '{}_m', 'm'),
+        'tau': (scales.time_s, 'time_s', 's')} | {
+        name: (unit, quantity, QUANTITIES[quantity][1])
+        for name, (quantity, unit) in gears.units.items() if name != quantity}
+    for name, (dimensions, words) in names.items():
+        for last, (unit, form, symbol) in units.items():
+            if name == last or name.endswith(f'_{last}'):
+                added[name.removesuffix(last) + form.format(last)] = (
+                    dimensions, store.read_all(name) * unit, named(words, symbol))
+    store.write_table(added)
+    store.set_attributes({'gears': json.dumps(gears.given), 'omega': gears.omega,
+                          **{f'scale_{name}': value for name, value in scales._asdict().items()},
+                          'coordinates': ' '.join(added)})

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from gear_rattle_ros import Gears, Parameters
-from gear_rattle_ros.core.gears import QUANTITIES
+from gear_rattle_ros.core.defaults import QUANTITIES
 
 PAIR = {
     'inertia_kg_m2': 2e-4, 'driver_radius_m': 0.04, 'driven_radius_m': 0.05, 'backlash_m': 1e-4,

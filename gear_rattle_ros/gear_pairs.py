@@ -1,0 +1,78 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Gear pairs from files and from options, the same in tools, the suite and the simulator."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from .core.defaults import QUANTITIES, RESTITUTION
+
+if TYPE_CHECKING:
+    from .core.gears import Gears
+
+
+def read_gears(path: Path | str | None, **changes: float) -> 'Gears':
+    """Read a gear pair; `changes` replace what the file has. ValueError names what is wrong."""
+    from .core.gears import Gears
+    from .plain_yaml import read_yaml
+    content: Any = {}
+    if path:
+        try:
+            content = read_yaml(Path(path).read_text(encoding='utf-8'))
+        except (OSError, UnicodeError) as error:
+            reason = getattr(error, 'strerror', None) or 'is not text'
+            raise ValueError(f'{path}: {reason}; name a YAML file of a gear pair') from error
+        except ValueError as error:
+            raise ValueError(f'{path} {error}') from error
+        if not isinstance(content, dict):
+            raise ValueError(f'{path} must give quantities by name, such as backlash_m: 0.0001')
+    try:
+        return Gears.of({'restitution': RESTITUTION} | content, **changes)
+    except ValueError as error:
+        raise ValueError(f'{path or "gear pair"}: {error}') from error
+
+
+def add_gears(parser: argparse.ArgumentParser, read: Callable[[str], float] = float) -> None:
+    """Add the options of a gear pair in SI units; the restitution has one already."""
+    group = parser.add_argument_group('gear pair in SI units, instead of alpha, beta and gamma')
+    group.add_argument('--gears', type=Path, metavar='FILE.yaml', help='file of its quantities; '
+                       'the options below replace single ones')
+    for name, (words, unit) in QUANTITIES.items():
+        if name != 'restitution':
+            group.add_argument(f'--{name.replace("_", "-")}', type=read, metavar='X',
+                               help=f'{words} [{unit}]')
+
+
+def parse(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
+    """
+    Parse options; where they give a gear pair, its numbers are the defaults of the model's.
+
+    The result has it as `pair`, else None.
+    """
+    given = parser.parse_args(words)
+    changes = {name: value for name in QUANTITIES if name != 'restitution'
+               and (value := getattr(given, name, None)) is not None}
+    given.pair = None
+    if changes or getattr(given, 'gears', None) is not None:
+        pair = read_gears(given.gears, **changes)
+        numbers = {**vars(pair.parameters), 'omega': pair.omega}
+        # A window, such as that of alpha, stays.
+        parser.set_defaults(**{name: value for name, value in numbers.items() if name in given
+                               and not isinstance(parser.get_default(name), tuple)})
+        given = parser.parse_args(words)
+        given.pair = pair
+    return given
