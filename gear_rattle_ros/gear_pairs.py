@@ -17,6 +17,7 @@
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
+import sys
 from typing import Any, TYPE_CHECKING
 
 from .core.defaults import QUANTITIES, RESTITUTION
@@ -61,7 +62,7 @@ def parse(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
     """
     Parse options; where they give a gear pair, its numbers are the defaults of the model's.
 
-    The result has it as `pair`, else None.
+    The result has it as `pair`, else None; what looks wrong in it is said on stderr.
     """
     given = parser.parse_args(words)
     changes = {name: value for name in QUANTITIES if name != 'restitution'
@@ -71,6 +72,8 @@ def parse(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
         pair = read_gears(given.gears, **changes)
         numbers = {**vars(pair.parameters), 'omega': pair.omega}
         # A window, such as that of alpha, stays.
+        for line in pair.warnings():
+            print(f'{parser.prog.split()[-1]}: {line}', file=sys.stderr)
         parser.set_defaults(**{name: value for name, value in numbers.items() if name in given
                                and not isinstance(parser.get_default(name), tuple)})
         given = parser.parse_args(words)

@@ -104,8 +104,6 @@ class Command:
             if given.pair.parameters != parameters:
                 given.pair = given.pair.with_parameters(parameters)
             keywords['gears'] = given.pair
-            for line in given.pair.warnings():
-                print(f'{self.name}: {line}', file=sys.stderr)
             print(given.pair.describe())
         store = study.compute(
             parameters, plane=plane, **keywords | self.keywords(given), store=output,

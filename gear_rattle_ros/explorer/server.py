@@ -40,9 +40,9 @@ from .skeleton import Asked, LAYERS, Skeleton
 from .trajectory import follow
 from .view import EXPONENTS, View
 from ..cli.compilation import reporting_compilation
-from ..cli.options import number
+from ..cli.options import add_model, model_of
 from ..cli.refusal import Parser
-from ..core.model import Parameters
+from ..gear_pairs import parse
 
 NAME = 'explorer'
 ADDRESS = '127.0.0.1'
@@ -89,7 +89,7 @@ def warm_up_layers(catalogues: Catalogues, view: View) -> None:
 def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
     """Serve until Ctrl-C or SIGTERM; `refuse` ends the program with one line."""
     try:
-        view = View(Parameters(alpha=given.alpha))
+        view = View(model_of(given))
     except ValueError as error:
         refuse(str(error))
     above = next(each for each in (given.folder.resolve(), *given.folder.resolve().parents)
@@ -129,14 +129,17 @@ def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Run the explorer; the exit status is 0, or 2 after one line that names the fault."""
     parser = Parser(NAME, description='Look at the plane of initial conditions in a browser.')
-    parser.add_argument('--alpha', type=number, default=0.48, metavar='X',
-                        help='first amplitude of the drive [1]; 0.48 by default')
+    add_model(parser)
     parser.add_argument('--port', type=_port, default=PORT, metavar='N',
                         help=f'port of {ADDRESS}; {PORT} by default')
     parser.add_argument('--no-browser', action='store_true', help='open no browser')
     parser.add_argument('--folder', type=Path, default=Path('explorer'), metavar='DIR',
                         help='where views are saved; explorer/ here by default')
-    return serve(parser.parse_args(arguments), parser.error)
+    try:
+        given = parse(parser, sys.argv[1:] if arguments is None else arguments)
+    except ValueError as error:
+        parser.error(str(error))
+    return serve(given, parser.error)
 
 
 def _port(text: str) -> int:

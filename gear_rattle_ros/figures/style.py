@@ -141,7 +141,7 @@ def add_si_axes(figure: Figure, gears: Gears) -> None:
             for words, (unit, name) in units.items():
                 if words in label:
                     add = axes.secondary_yaxis if is_upright else axes.secondary_xaxis
-                    second = add(-BESIDE[is_upright] / box[is_upright], functions=(
+                    second = add(-BESIDE[is_upright] / box[1 - is_upright], functions=(
                         functools.partial(np.multiply, unit),
                         functools.partial(np.multiply, 1.0 / unit)))
                     (second.set_ylabel if is_upright else second.set_xlabel)(name, fontsize=11)

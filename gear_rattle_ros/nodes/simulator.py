@@ -34,10 +34,12 @@ from .base.node import ReportingNode
 from .base.pacing import AcknowledgedPace, ClockPace
 from .base.process import run_node
 from .. import messages
+from ..core.defaults import QUANTITIES
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Model, Parameters, State
 from ..core.words import counted
+from ..gear_pairs import read_gears
 from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 from ..scenes import find_scene, Performance
@@ -62,6 +64,9 @@ IDLE = 0.005
 
 class Simulator(ReportingNode):
     """Advances one trajectory in ticks, and publishes one batch of events a tick."""
+
+    # Pitch radius of the driven gear in units of that of the driver [1].
+    _ratio = 1.0
 
     def __init__(self, **options: Any) -> None:
         super().__init__('simulator', **options)
@@ -106,8 +111,18 @@ class Simulator(ReportingNode):
             f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
 
     def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
-        name = given.get('scene')
-        return find_scene(str(name)).steps[0].parameters if name else {}
+        name, file = given.get('scene'), given.get('gears')
+        values = find_scene(str(name)).steps[0].parameters if name else {}
+        changes = {name: given[name] for name in QUANTITIES if name in given}
+        # The restitution alone is a parameter of the model.
+        if not file and not changes.keys() - {'restitution'}:
+            return values
+        pair = read_gears(file, **changes)
+        for line in pair.warnings():
+            self.get_logger().warning(line)
+        self._ratio = pair.driven_radius_m / pair.driver_radius_m
+        return {**values, **pair.given, **dataclasses.asdict(pair.parameters), 'omega': pair.omega,
+                'backlash_angle': pair.backlash_m / pair.driven_radius_m}
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         now, impacts = time.monotonic(), self._simulation.impacts
@@ -272,7 +287,7 @@ class Simulator(ReportingNode):
         driver = -alpha * np.array([math.sin(state.phase), math.cos(state.phase)])
         scale = self.number('backlash_angle') * np.array([1.0, self._omega])
         self._joints.publish(messages.joint_state({
-            'driver_gear': scale * driver, 'driven_gear': scale * (gap + driver),
+            'driver_gear': self._ratio * scale * driver, 'driven_gear': scale * (gap + driver),
             'backlash': scale * gap}, self._stamp()))
 
     def _validate(self, values: dict[str, Value]) -> None:

@@ -43,6 +43,7 @@ from ..base.errors import UserError
 from ..base.node import set_back
 from ..base.process import apart, ended_in_time, exit_status, say, Stop, woken
 from ..base.services import listen
+from ...gear_pairs import add_gears, parse
 from ...parameters import SIMULATOR
 from ...places import program, typed
 from ...qos import LATCHED, STREAM
@@ -161,8 +162,9 @@ class Suite:
                 say(f'{what:8} {command} {_quoted(self._folder / name)}')
 
     def _start_nodes(self) -> None:
+        pair = self._options.pair.given if self._options.pair else {}
         own: dict[str, dict[str, object]] = {
-            'simulator': {name: getattr(self._options, name) for name in NAMES} | {
+            'simulator': pair | {name: getattr(self._options, name) for name in NAMES} | {
                 'wait_for_readers': len(self._readers), 'wait_at_most': 0.0},
             'recorder': {'output': str(self._folder / 'bag')},
             'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
@@ -309,6 +311,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--basin', action=argparse.BooleanOptionalAction, default=True,
         help='compute the basins of the present parameters (on)')
     add('--output', help='folder for everything (runs/<date and time>)')
+    add_gears(parser)
     parser.set_defaults(alpha_target=0.0, alpha_rate=0.0, plays_out=False)
     options = parser.parse_args(arguments)
     if options.scene is not None:
@@ -323,7 +326,11 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
             parser.exit(2, 'suite: --then and --scene exclude each other; leave one out\n')
         # The command line overrides the scene.
         parser.set_defaults(duration=math.inf, **scene.steps[0].parameters)
-        options = parser.parse_args(arguments)
+    try:
+        options = parse(parser, arguments)
+    except ValueError as error:
+        parser.exit(2, f'suite: {error}\n')
+    if options.scene is not None:
         # On a slow machine its ramps take longer.
         options.plays_out = math.isinf(options.duration)
         options.duration = scene.seconds if options.plays_out else options.duration
