@@ -121,8 +121,8 @@ SIMULATOR: Final = (
     _fixed('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0),
     _fixed('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9, 1.0),
     _fixed('publish_clock', False, 'publish the simulated time on /clock, and stamp with it', ''),
-    _fixed('gears', '', 'YAML file of a gear pair, whose alpha, beta, gamma, restitution, omega and '
-           'backlash_angle are then the defaults', ''),
+    _fixed('gears', '', 'YAML file of a gear pair, which gives alpha, beta, gamma, restitution, '
+           'omega and backlash_angle their defaults', ''),
     *(_fixed(name, 0.0, f'{words}; if given, it replaces that of gears', unit, -1e9, 1e9)
       for name, (words, unit) in QUANTITIES.items() if name != 'restitution'),
     _FRAME,

@@ -14,7 +14,6 @@
 
 """The picture of a dataset, whichever study it is from."""
 
-from collections.abc import Callable
 import importlib
 import json
 from pathlib import Path
@@ -105,9 +104,8 @@ def _names(dataset: 'xarray.Dataset') -> dict[str, str]:
 
 def _drawn(name: str, dataset: 'xarray.Dataset', looks: dict[str, Any]) -> Figure:
     module, function = name.split('.')
-    drawer: Callable[['xarray.Dataset', Looks], Figure] = getattr(
-        importlib.import_module(f'.{module}', __package__), function)
-    figure = drawer(dataset, Looks(**looks))
+    drawer = getattr(importlib.import_module(f'.{module}', __package__), function)
+    figure: Figure = drawer(dataset, Looks(**looks))
     if 'gears' in dataset.attrs:
         add_si_axes(figure, Gears.of(json.loads(dataset.attrs['gears'])))
     return figure

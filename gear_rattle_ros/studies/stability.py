@@ -280,7 +280,8 @@ def describe(dataset: Arrays) -> str:
     for what in ('kick', 'displacement'):
         add([f'smallest {what}', ' size [1]',
              *[' [mm/s]'] * bool(scale and what == 'kick'), ' change',
-             'impact: wall, phase, velocity', 'leads to', ' dents under', ' unsettled [%]'], functools.partial(kick, what))
+             'impact: wall, phase, velocity', 'leads to', ' dents under', ' unsettled [%]'],
+            functools.partial(kick, what))
     add(['largest disc', ' radius [1]', ' phase', ' velocity'], lambda k: [
         f'{one["disc_radius"][k]:.3f}', f'{one["disc_phase"][k]:.3f}',
         f'{one["disc_velocity"][k]:+.3f}'])

@@ -157,6 +157,8 @@ def test_a_wait_for_readers_is_logged_and_ends(start, reader):
     ('beta:=high', "beta = 'high' is not of type double"),
     ('initial_displacement:=0.5', 'initial_displacement = 0.5 is outside'),
     ('seed:=1.5', 'seed = 1.5 is not of type integer'),
+    ('gears:=/none.yaml', '/none.yaml: No such file or directory; name a YAML file of a gear'),
+    ('backlash_m:=1e-4', 'gear pair: inertia_kg_m2 is missing: moment of inertia'),
 ])
 def test_bad_start_is_one_line_and_status_2(start, words):
     """A bad start-up parameter is named in one line."""
@@ -280,6 +282,28 @@ def test_joint_states_obey_the_gears(start, rclpy_node, spin):
         assert abs(driver) <= 0.48 * 0.01 * (1 + 1e-12)
         assert (driver / 0.0048)**2 + (message.velocity[0] / 0.0096)**2 == pytest.approx(1.0)
         assert list(message.effort) == []
+
+
+def test_a_gear_pair_sets_parameters_and_the_scale_of_joint_states(
+        start, rclpy_node, spin, steering, tmp_path):
+    """Each gear turns by its own radius; what is given beside the file replaces its values."""
+    path, got, omega = tmp_path / 'pair.yaml', [], 60.0 * math.pi
+    path.write_text('{inertia_kg_m2: 2e-4, driver_radius_m: 0.04, driven_radius_m: 0.05, '
+                    'backlash_m: 1e-4, drag_n_m_s_per_rad: 4e-3, torque_n_m: 0.001, '
+                    'drive_rad: 0.002, frequency_hz: 30, restitution: 0.8}')
+    rclpy_node.create_subscription(JointState, 'joint_states', got.append, 10)
+    start('simulator', '--ros-args', '-p', f'gears:={path}', '-p', 'backlash_m:=2.0e-4', '-p',
+          'gamma:=0.3')
+    spin(lambda: len(got) > 20)
+    names = ('alpha', 'beta', 'gamma', 'restitution', 'omega', 'backlash_angle', 'drive_rad')
+    assert steering.get(*names) == pytest.approx(
+        [0.002 * 0.04 / 2e-4, 4e-3 / (2e-4 * omega), 0.3, 0.8, omega, 2e-4 / 0.05, 0.002])
+    for message in got:
+        (driver, driven, backlash), rates = message.position, message.velocity
+        assert 0.05 * driven - 0.04 * driver == pytest.approx(0.05 * backlash, abs=1e-15)
+        assert 0.05 * rates[1] - 0.04 * rates[0] == pytest.approx(0.05 * rates[2], abs=1e-12)
+        assert -2e-4 / 0.05 <= backlash <= 0.0
+        assert (driver / 0.002)**2 + (rates[0] / (0.002 * omega))**2 == pytest.approx(1.0)
 
 
 def test_stamps_are_ros_time(start, reader):
