@@ -142,6 +142,7 @@ def test_settling_times_and_kicks_in_si(pair: Path, tmp_path: Path, capsys) -> N
     ('a: [', '', 'is not YAML'),
     (FILE.replace('inertia_kg_m2', 'inertia'), '', "unknown quantity 'inertia'; known are inertia_"),
     (FILE.replace('backlash_m: 1e-4', ''), '', 'backlash_m is missing: backlash, along'),
+    (FILE.replace('0.001', ''), '', 'torque_n_m is missing: constant load torque'),
     (FILE.replace('30', 'fast'), '', "frequency_hz = 'fast' is not a number"),
     (FILE.replace('30', 'yes'), '', 'frequency_hz = True is not a number'),
     (FILE, '--backlash-m 0', 'backlash_m = 0.0 must be positive'),

@@ -104,7 +104,7 @@ class Gears:
             if isinstance(value, bool):
                 raise ValueError(f'{name} = {value} is not a number')
         for field in dataclasses.fields(cls):
-            if field.default is dataclasses.MISSING and field.name not in values:
+            if field.default is dataclasses.MISSING and values.get(field.name) is None:
                 words, unit = QUANTITIES[field.name]
                 raise ValueError(f'{field.name} is missing: {words} [{unit}]')
         return cls(**values)

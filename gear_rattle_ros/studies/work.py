@@ -150,14 +150,14 @@ class Work:
 
 def _add_units(store: Store, gears: Gears) -> None:
     """Add to a store the gear pair, its scales, and what is not made tile by tile in SI units."""
-    scales, names, added = gears.scales, store.tables(), {}
+    scales, added = gears.scales, {}
     velocity = scales.velocity_m_per_s, '{}_m_per_s', 'm/s'
     units = dict.fromkeys(('velocity', 'velocity_after', 'kick', 'kick_size'), velocity) | {
         'displacement': (scales.displacement_m, '{}_m', 'm'),
         'tau': (scales.time_s, 'time_s', 's')} | {
         name: (unit, quantity, QUANTITIES[quantity][1])
         for name, (quantity, unit) in gears.units.items() if name != quantity}
-    for name, (dimensions, words) in names.items():
+    for name, (dimensions, words) in store.tables().items():
         for last, (unit, form, symbol) in units.items():
             if name == last or name.endswith(f'_{last}'):
                 added[name.removesuffix(last) + form.format(last)] = (
