@@ -94,19 +94,16 @@ def shoot(walls: IntArray, points: FloatArray,
           model: Model) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
     """Map a closed sequence on: whether each flight ends at the next wall, and a `Shot`."""
     q = len(walls)
-    defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
+    defects, slopes, times = np.zeros((q, 2)), np.zeros((q, 6)), np.zeros(q)
     for k in range(q):
         n = (k + 1) % q
         hit, _, phase, velocity, d = next_impact(walls[k], points[k, 0], points[k, 1], model)
         if hit != walls[n] or velocity == 0.0:
-            return False, defects, jacobian, times
+            return False, defects, slopes, times
         times[k] = d
-        defects[2 * k] = turn_of(phase - points[n, 0])
-        defects[2 * k + 1] = velocity - points[n, 1]
-        one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
-        for row in range(2):
-            jacobian[2 * k + row, 2 * k] = one[3 * row]
-            jacobian[2 * k + row, 2 * k + 1] = one[3 * row + 1]
-            jacobian[2 * k + row, 2 * q] = one[3 * row + 2]
-            jacobian[2 * k + row, 2 * n + row] -= 1.0
-    return True, defects, jacobian, times
+        defects[k, 0] = turn_of(phase - points[n, 0])
+        defects[k, 1] = velocity - points[n, 1]
+        for j, slope in enumerate(derivatives(points[k, 0], points[k, 1], d, phase, velocity,
+                                              model)):
+            slopes[k, j] = slope
+    return True, defects, slopes, times

@@ -182,8 +182,7 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
     length = FOLLOWED + longest
     path, on_walls = np.zeros((length + 1, 2)), np.zeros(length + 1, np.int64)
     tangents = np.zeros((length, 4))
-    ring, carried = np.zeros((longest, 2)), np.zeros((longest, 8))
-    aim = np.zeros(2)
+    ring, aim = np.zeros((longest, 2)), np.zeros(2)
     for number in range(first, end):
         path[0, 0] = TWO_PI * ((0.5 + STEPS[0] * number) % 1.0)
         path[0, 1] = fastest * ((0.5 + STEPS[1] * number) % 1.0) * (1.0 - 2.0 * (number % 2))
@@ -227,7 +226,7 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
                     settled |= step < SETTLED and abs(a + d) < 1.0 + (a * d - b * c) < 2.0
                     continue
                 ring[:q] = path[n:n + q]
-                if close_ring(on_walls[n:n + q], ring[:q], carried, REACH, model):
+                if close_ring(on_walls[n:n + q], ring[:q], REACH, model):
                     if known == len(impacts):
                         return number, known
                     known = keep(on_walls[n:n + q], ring[:q], walls, rings, impacts, seeds, 1,
@@ -241,8 +240,7 @@ def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntA
            seeds: IntArray, known: int, model: Model) -> int:
     """Close orbit i followed by another, from where they are nearest on; return the known."""
     longest = rings.shape[1]
-    ring, carried = np.zeros((longest, 2)), np.zeros((longest, 8))
-    on_walls = np.zeros(longest, np.int64)
+    ring, on_walls = np.zeros((longest, 2)), np.zeros(longest, np.int64)
     for j in range(i, whole):
         q = impacts[i] + impacts[j]
         if q > longest:
@@ -261,7 +259,7 @@ def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntA
             at %= impacts[row]
             on_walls[one] = walls[row, at]
             ring[one] = rings[row, at]
-        if close_ring(on_walls[:q], ring[:q], carried, REACH, model):
+        if close_ring(on_walls[:q], ring[:q], REACH, model):
             known = keep(on_walls[:q], ring[:q], walls, rings, impacts, seeds, 1, known)
     return known
 
