@@ -15,6 +15,7 @@
 """Layers over the plane: unstable orbits, manifolds, the edge state and the smallest kick."""
 
 from collections.abc import Callable, Iterator, Mapping
+import contextlib
 import dataclasses
 import math
 import time
@@ -111,7 +112,7 @@ class Skeleton:
         self._catalogues = catalogues
         self._view: View | None = None
         self._orbits: OrbitList | None = None
-        self._edge: dict[str, Any] = {}
+        self._edge: tuple[str, FloatArray] | None = None
         self._kicks: dict[tuple[int, int], Kick | None] = {}
 
     def layers(self, asked: Asked, check: Callable[[], None]) -> Iterator[Layers]:
@@ -124,7 +125,7 @@ class Skeleton:
         if now.words or not asked.names:
             return
         if asked.view != self._view:
-            self._view, self._orbits, self._edge, self._kicks = asked.view, None, {}, {}
+            self._view, self._orbits, self._edge, self._kicks = asked.view, None, None, {}
             settled = time.monotonic() + SETTLED_AFTER
             while time.monotonic() < settled:
                 check()
@@ -183,25 +184,21 @@ class Skeleton:
             yield words, dict(lines)
 
     def _straddle(self, asked: Asked, check: Callable[[], None]) -> Iterator[Any]:
-        if not self._edge:
+        if self._edge is None:
             straddling = Straddling(
-                self._catalogues.complete(asked.view, check).catalogue, True, CAP)
-            points, random = NOWHERE, np.random.default_rng(1)
-            try:
+                self._catalogues.complete(asked.view, check).catalogue, True, CAP, check)
+            points, random, words = NOWHERE, np.random.default_rng(1), 'no boundary of basins'
+            with contextlib.suppress(ValueError):
                 while len(points) < STRADDLED:
-                    check()
                     points = np.concatenate([points, straddling.follow(
                         asked.view.plane(1), SLICE, random)])
-                    yield {EDGE: 'edge state'}, {'edge': self._both(asked.view, points)}
-                orbit = straddling.orbit_of(points)
-                if orbit is not None:
-                    points = orbit.points
-                self._edge = {'words': f'edge state: {orbit.name}' if orbit else
-                              'the boundary holds a chaotic saddle',
-                              'edge': self._both(asked.view, points)}
-            except ValueError:
-                self._edge = {'words': 'no boundary of basins', 'edge': NOWHERE}
-        yield {EDGE: self._edge['words']}, {'edge': self._edge['edge']}
+                    words = 'edge state'
+                    yield {EDGE: words}, {'edge': self._both(asked.view, points)}
+                orbit, words = straddling.orbit_of(points), 'the boundary holds a chaotic saddle'
+                if orbit:
+                    points, words = orbit.points, f'edge state: {orbit.name}'
+            self._edge = words, self._both(asked.view, points)
+        yield {EDGE: self._edge[0]}, {'edge': self._edge[1]}
 
     @staticmethod
     def _both(view: View, points: FloatArray) -> FloatArray:

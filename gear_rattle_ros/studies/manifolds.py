@@ -31,17 +31,16 @@ from ..attractors.engine import run_tiles
 from ..attractors.listing import impact_table
 from ..attractors.plane import Plane
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
-from ..core.flight.closed_form import NO_WALL
 from ..core.flight.inverse import require_inverse
 from ..core.flight.lanes import make_initial_conditions
+from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters, Wall
 from ..core.orbits.branches import follow
 from ..core.orbits.cells import find_cells, first_crossing
 from ..core.orbits.curves import Curve, grow, impact_map, joined, Segment, segments_of
-from ..core.orbits.impact_map import map_points
 from ..core.orbits.manifolds import Saddle, saddle_of
-from ..core.orbits.orbit import close_orbit, Orbit
+from ..core.orbits.orbit import close_near, close_orbit, Orbit
 from ..core.orbits.section import distances
 from ..core.words import counted
 from ..store.store import Store
@@ -158,16 +157,12 @@ def _distance(orbit: Orbit, point: Sequence[float]) -> float:
 
 def _close(parameters: Parameters, point: Sequence[float], period: int, reach: float
            ) -> Orbit | None:
-    # The orbit of that many impacts through a point; its other points are found on the way.
-    passed = [np.array([point])]
-    while len(passed) < period:
-        image, _, walls, _ = map_points(passed[-1], parameters.model)
-        if walls[0] == NO_WALL:
-            return None
-        passed.append(image)
-    points = np.concatenate(passed)
-    # The later points of a saddle are off by more.
-    found = close_orbit(np.signbit(points[:, 1]).astype(np.int64), points, parameters, REACH)
+    # The orbit of that many impacts through a point; its other points are found on the way, and
+    # those of a saddle are off by more.
+    rows, made = record_impacts(
+        initial_after(parameters, *np.reshape(point, (2, 1))), 0, period)
+    rows['phase'][0, -1], rows['velocity'][0, -1] = point
+    found = close_near(parameters, rows[0], REACH) if made[0] == period else None
     if found is None or found.impacts != period or _distance(found, point) > reach:
         return None
     return found.canonical()

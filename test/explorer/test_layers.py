@@ -30,7 +30,7 @@ from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import distances
 from gear_rattle_ros.explorer import skeleton
 from gear_rattle_ros.explorer.catalogues import Catalogues, GivenUp
-from gear_rattle_ros.explorer.layer_glyphs import LayerGlyphs
+from gear_rattle_ros.explorer.plane_figure import LayerGlyphs
 from gear_rattle_ros.explorer.skeleton import (
     Asked,
     EDGE,

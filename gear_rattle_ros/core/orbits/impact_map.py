@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The map from one impact to the next with its exact derivatives, eq. (9) of the paper."""
+"""The map from one impact to the next, its exact derivatives (eq. (9)), and Newton's method."""
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -25,6 +26,12 @@ from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPE
 from ..flight.elementary import relaxation, sine_cosine, TWO_PI
 from ..flight.first_impact import search_impact
 from ..model import Model
+
+# A step of this size is the last [rad, 1]; so is one that is not smaller than the one before
+# where the sequence closes to rounding.
+CLOSED: Final = 1e-12
+ROUNDING: Final = 1e-11
+NEWTON_STEPS: Final = 40
 
 
 @kernel
@@ -107,3 +114,44 @@ def shoot(walls: IntArray, points: FloatArray,
                                               model)):
             slopes[k, j] = slope
     return True, defects, slopes, times
+
+
+@kernel
+def close_ring(walls: IntArray, points: FloatArray, reach: float, model: Model) -> bool:
+    """Move the points of a closed sequence, each by at most `reach` [rad, 1], onto an orbit."""
+    # False where none is found. Each change follows from that of the first point, z_k = C_k z_0 +
+    # d_k, in a row of `carried`; the sequence closes where z_q = z_0.
+    q = len(walls)
+    seeds, carried = points.copy(), np.zeros((q, 6))
+    shortest = math.inf
+    for _ in range(NEWTON_STEPS):
+        closed, defects, slopes, _ = shoot(walls, points, model)
+        if not closed:
+            return False
+        a, b, c, d, e, f = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+        for k in range(q):
+            carried[k, 0], carried[k, 1], carried[k, 2] = a, b, e
+            carried[k, 3], carried[k, 4], carried[k, 5] = c, d, f
+            p_p, p_v, v_p, v_v = slopes[k, 0], slopes[k, 1], slopes[k, 3], slopes[k, 4]
+            a, b, c, d, e, f = (
+                p_p * a + p_v * c, p_p * b + p_v * d, v_p * a + v_v * c, v_p * b + v_v * d,
+                p_p * e + p_v * f + defects[k, 0], v_p * e + v_v * f + defects[k, 1])
+        # (C - 1) z = -d
+        determinant = (a - 1.0) * (d - 1.0) - b * c
+        if not abs(determinant) > 0.0:
+            return False
+        z_phase = (b * f - (d - 1.0) * e) / determinant
+        z_velocity = (c * e - (a - 1.0) * f) / determinant
+        size = 0.0
+        for k in range(q):
+            for j in range(2):
+                by = (carried[k, 3 * j] * z_phase + carried[k, 3 * j + 1] * z_velocity
+                      + carried[k, 3 * j + 2])
+                points[k, j] += by
+                size = max(size, abs(by))
+                if not abs(points[k, j] - seeds[k, j]) <= reach:
+                    return False
+        if size < CLOSED or (size >= shortest and np.abs(defects).max() < ROUNDING):
+            return True
+        shortest = min(shortest, size)
+    return False

@@ -15,15 +15,13 @@
 """Periodic orbits, stable or not: closed by Newton's method, described, named."""
 
 import dataclasses
-import functools
 import math
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from .impact_map import shoot
-from .newton import close_ring, CLOSED
+from .impact_map import close_ring, CLOSED, shoot
 from .section import distances
 from ..arrays import FloatArray, RecordArray
 from ..flight.closed_form import NO_WALL
