@@ -28,8 +28,7 @@ from .plane import Plane
 from .saddles import Straddling
 from ..core.arrays import FloatArray
 from ..core.many.settling import UNSETTLED
-from ..core.orbits.curves import grow, impact_map, pieces, segments_of
-from ..core.orbits.manifolds import saddle_of
+from ..core.orbits.curves import pieces, sides_of
 from ..core.orbits.orbit import Orbit
 
 #: Places (phase, velocity before the impact) by layer: points of shape (n, 2), or pieces of lines
@@ -102,11 +101,10 @@ def manifolds(orbit: Orbit, plane: Plane, check: Check) -> Layers:
     """Return both manifolds of a saddle."""
     fastest = FASTER * max(map(abs, plane.velocity))
     parts: dict[str, list[FloatArray]] = {UNSTABLE: [], STABLE: []}
-    for _, segment, backwards in segments_of(saddle_of(orbit)):
-        curve = grow(segment, impact_map(
-            orbit.parameters.model, backwards=backwards, fastest=fastest, check=check),
-            length=LENGTH, tolerance=PRECISION)
-        parts[STABLE if backwards else UNSTABLE].append(pieces(curve.points, curve.begins))
+    for name, curve in sides_of(orbit, fastest=fastest, check=check, length=LENGTH,
+                                tolerance=PRECISION):
+        parts[STABLE if name.startswith('stable') else UNSTABLE].append(
+            pieces(curve.points, curve.begins))
     return {name: np.concatenate(both) for name, both in parts.items()}
 
 

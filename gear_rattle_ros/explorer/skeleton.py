@@ -34,9 +34,8 @@ from ..core.arrays import FloatArray, IntArray
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import UNSETTLED
-from ..core.orbits.curves import Curve, grow, impact_map, segments_of
+from ..core.orbits.curves import Curve, sides_of
 from ..core.orbits.listing import OrbitList
-from ..core.orbits.manifolds import saddle_of
 from ..core.orbits.orbit import Orbit
 from ..core.orbits.section import turn
 from ..core.words import counted
@@ -138,20 +137,16 @@ class Skeleton:
 
     def _find(self, asked: Asked, check: Callable[[], None]) -> Iterator[Any]:
         # Manifolds belong to an orbit of the list, and follow it as it grows.
-        parameters, saddle = asked.view.parameters, None
-
-        def find(longest: int, points: int, known: OrbitList | None) -> OrbitList:
-            return find_orbits(parameters, longest, first=points, most=points, known=known,
-                               reached=lambda done, found: check())
-
+        saddle = None
         while True:
             found = self._orbits
-            if found is None:
-                found = self._orbits = find(*QUICK, None)
-            elif found.longest < LONGEST:
-                found = self._orbits = find(LONGEST, POINTS, None)
-            elif not found.is_complete and found.points < MOST:
-                found = self._orbits = find(LONGEST, 2 * found.points, found)
+            known = found if found and found.longest == LONGEST else None
+            if found is None or known is None or not known.is_complete and known.points < MOST:
+                longest, points = QUICK if found is None else (
+                    LONGEST, 2 * known.points if known else POINTS)
+                found = self._orbits = find_orbits(
+                    asked.view.parameters, longest, first=points, most=points, known=known,
+                    reached=lambda done, found: check())
             unstable = found.unstable
             if ORBITS in asked.names:
                 yield {ORBITS: f'{counted(len(unstable), "unstable orbit")} of up to '
@@ -159,7 +154,8 @@ class Skeleton:
             if MANIFOLDS in asked.names:
                 nearest = nearest_saddle(asked, unstable)
                 if nearest is None:
-                    yield {MANIFOLDS: 'no saddle is found'}, {}
+                    yield {MANIFOLDS: 'no saddle is found' if asked.view.parameters.restitution
+                           else 'r = 0: impacts have no inverse, so there is no W<sup>s</sup>'}, {}
                 elif saddle is None or nearest.key != saddle.key:
                     saddle = nearest
                     yield from self._grow(asked, saddle, check)
@@ -171,16 +167,9 @@ class Skeleton:
         first, second = orbit.multipliers.real
         words = {MANIFOLDS: f'W<sup>u</sup> and W<sup>s</sup> of the saddle {orbit.name}, '
                             f'multipliers {first:.3g} and {second:.3g}'}
-        if not asked.view.parameters.restitution:
-            words = {MANIFOLDS: 'r = 0: impacts have no inverse, so there is no W<sup>s</sup>'}
-            yield words, lines
-            return
-        for name, segment, backwards in segments_of(saddle_of(orbit)):
-            map_on = impact_map(asked.view.parameters.model, backwards=backwards,
-                                fastest=FASTEST, check=check)
+        for name, curve in sides_of(orbit, fastest=FASTEST, check=check, length=LENGTH):
             kind = name.split()[0]
-            lines[kind] = np.concatenate([lines[kind], line_of(
-                asked.view, grow(segment, map_on, length=LENGTH))])
+            lines[kind] = np.concatenate([lines[kind], line_of(asked.view, curve)])
             yield words, dict(lines)
 
     def _straddle(self, asked: Asked, check: Callable[[], None]) -> Iterator[Any]:

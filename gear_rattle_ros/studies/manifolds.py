@@ -27,7 +27,6 @@ from . import basins
 from .tangency import first_touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
-from ..attractors.engine import run_tiles
 from ..attractors.listing import impact_table
 from ..attractors.plane import Plane
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
@@ -38,7 +37,7 @@ from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters, Wall
 from ..core.orbits.branches import follow
 from ..core.orbits.cells import find_cells, first_crossing
-from ..core.orbits.curves import Curve, grow, impact_map, joined, Segment, segments_of
+from ..core.orbits.curves import Curve, impact_map, joined, Segment, segments_of, sides_of
 from ..core.orbits.manifolds import Saddle, saddle_of
 from ..core.orbits.orbit import close_near, close_orbit, Orbit
 from ..core.orbits.section import distances
@@ -112,7 +111,14 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
         saddle=saddle.orbit.name, length=length, precision=precision,
         touch=list(touch or ()))
     if not store.has_table('curve_wall'):
-        _write(store, saddle, catalogue, _grow_all(saddle, plane, length, precision, work), work)
+        curves: dict[str, Curve] = {}
+        with work.report('curves', len(segments_of(saddle))) as progress:
+            for name, curve in sides_of(
+                    saddle.orbit, fastest=FASTER * max(map(abs, plane.velocity)), length=length,
+                    tolerance=precision):
+                curves[name] = curve
+                progress.add(1, len(curve.walls))
+        _write(store, saddle, catalogue, curves, work)
     if touch is not None and 'touch_alpha' not in store.attrs:
         with work.report('first touch', 70, uneven=True) as progress:
             found = first_touch(saddle.orbit, *touch, searched=progress.add)
@@ -180,28 +186,6 @@ def partner_of(orbit: Orbit) -> Orbit:
                 return found.canonical()
     raise ValueError(f'the orbit {orbit.name} is stable, and its branch within {BEYOND:g} of '
                      f'alpha = {alpha:g} shows no saddle born with it; give the --point of one')
-
-
-def _grow_all(saddle: Saddle, plane: Plane, length: float, precision: float, work: Work
-              ) -> dict[str, Curve]:
-    model = saddle.orbit.parameters.model
-    fastest = FASTER * max(map(abs, plane.velocity))
-    segments = segments_of(saddle)
-    curves: dict[int, Curve] = {}
-
-    def fill(number: int) -> Curve:
-        _, segment, backwards = segments[number]
-        return grow(segment, impact_map(model, backwards=backwards, fastest=fastest),
-                    length=length, tolerance=precision)
-
-    with work.report('curves', len(segments)) as progress:
-        def finished(number: int, curve: Curve) -> None:
-            curves[number] = curve
-            progress.add(1, len(curve.walls))
-
-        # They are too quick for a cluster.
-        run_tiles(fill, range(len(segments)), finished, threads=work.threads)
-    return {name: curves[number] for number, (name, _, _) in enumerate(segments)}
 
 
 def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str, Curve],

@@ -20,7 +20,7 @@ inserted where the image is coarse, and are mapped from the segment themselves, 
 the manifold.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import dataclasses
 import functools
 import math
@@ -30,7 +30,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .impact_map import next_impact
-from .manifolds import Saddle, SEED_DISTANCE
+from .manifolds import Saddle, saddle_of, SEED_DISTANCE
+from .orbit import Orbit
 from .section import turn
 from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
@@ -300,6 +301,14 @@ def pieces(points: FloatArray, begins: npt.NDArray[np.bool_]) -> FloatArray:
 def joined(parts: Sequence[Curve]) -> Curve:
     """Return curves one after the other as one."""
     return Curve(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+
+
+def sides_of(orbit: Orbit, *, fastest: float, check: Callable[[], None] = lambda: None,
+             **how: Any) -> Iterator[tuple[str, Curve]]:
+    """Grow the sides of both manifolds of a saddle one after the other: its name, the curve."""
+    for name, segment, backwards in segments_of(saddle_of(orbit)):
+        yield name, grow(segment, impact_map(orbit.parameters.model, backwards=backwards,
+                                             fastest=fastest, check=check), **how)
 
 
 def _curve_of(images: list[tuple[_Generation, npt.NDArray[np.bool_]]], period: int) -> Curve:
