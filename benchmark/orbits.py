@@ -40,7 +40,7 @@ def by_scipy(walls: np.ndarray, points: np.ndarray, parameters: Parameters) -> n
     """Close a sequence of impacts by scipy's Newton-like method, as one system of equations."""
     def defects(x: np.ndarray) -> np.ndarray:
         shot = fire(walls, x.reshape(-1, 2), parameters)
-        return np.full(x.size, 1.0) if shot is None else shot.defects
+        return np.full(x.size, 1.0) if shot is None else shot.defects.ravel()
 
     found = root(defects, points.ravel(), tol=1e-12)
     return found.x.reshape(-1, 2) if np.max(np.abs(found.fun)) < 1e-9 else None

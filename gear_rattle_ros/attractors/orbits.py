@@ -21,8 +21,8 @@ from typing import Final, TypeAlias
 
 from .engine import run_tiles
 from ..core.arrays import IntArray
-from ..core.model import Parameters
-from ..core.orbits.listing import OrbitList, Rings, Row
+from ..core.model import Model, Parameters
+from ..core.orbits.listing import join, OrbitList, Rings, seek, splice
 
 # Points of the section in the first round and at the most; those of one call of the kernel, which
 # cannot be stopped.
@@ -30,7 +30,7 @@ FIRST: Final = 2048
 MOST: Final = 16_384
 BATCH: Final = 32
 # Seeds of what is known, and what is new.
-Found: TypeAlias = tuple[IntArray, list[Row]]
+Found: TypeAlias = tuple[IntArray, Rings]
 
 
 def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, most: int = MOST,
@@ -43,30 +43,10 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
 
     Seeds are pieces of trajectories that come nearly back, from points spread evenly over the
     section: many lie where trajectories stay long. Two known orbits that come near each other are
-    seeds, too, one after the other. Newton's method closes them. The number of points is doubled
-    until a doubling adds no orbit.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The model.
-    longest : int
-        Impacts of the longest orbit.
-    first, most : int
-        Points of the section in the first round, and in all at the most.
-    known : OrbitList, optional
-        What an earlier search of the same orbits has found, to go on from.
-    threads, cluster
-        As `Work` takes them.
-    reached : callable
-        Called with the points that are done just now, and after each round with the list, too; it
-        raises to give up.
-
-    Returns
-    -------
-    OrbitList
-        The orbits by impacts, drive periods and key, and how far they are complete.
-
+    seeds, too, one after the other. Newton's method closes them. The number of points, `first` in
+    the first round, is doubled until a doubling adds no orbit, or to the `most`. `known` is what
+    an earlier search of the same orbits has found, to go on from. `reached` is called with the
+    points that are done just now, and after each round with the list, too; it raises to give up.
     """
     parts: dict[int, Found] = {}
     found = known or OrbitList(parameters, longest)
@@ -79,17 +59,16 @@ def find_orbits(parameters: Parameters, longest: int, *, first: int = FIRST, mos
             parts[tile] = part
             reached(min(BATCH, most - tile), None)
 
-        run_tiles(functools.partial(_seek, found, end), tiles, keep, threads=threads,
-                  cluster=cluster)
-        rings = Rings(found)
+        rings = found.rings
+        run_tiles(functools.partial(_seek, rings, found.fastest, parameters.model, end), tiles,
+                  keep, threads=threads, cluster=cluster)
         # In their order, so that the result does not depend on the threads.
         for tile in tiles:
-            rings.add(*parts.pop(tile))
-        rings.splice()
-        found = rings.listed(found.rounds, end)
+            rings = join(rings, *parts.pop(tile))
+        found = found.after(end, splice(rings, parameters.model))
         reached(0, found)
     return found
 
 
-def _seek(found: OrbitList, end: int, tile: int) -> Found:
-    return Rings(found).seek(tile, min(BATCH, end - tile))
+def _seek(rings: Rings, fastest: float, model: Model, end: int, tile: int) -> Found:
+    return seek(tile, min(tile + BATCH, end), fastest, rings, model)

@@ -22,7 +22,8 @@ from typing import Final
 
 import numpy as np
 
-from .catalogue import Attractor, Catalogue, Kind, results_here
+from .catalogue import Attractor, Catalogue, go_on, Kind, results_here
+from .finding import Check
 from .plane import Plane
 from ..core.arrays import FloatArray, IntArray, RecordArray
 from ..core.flight.closed_form import NO_WALL
@@ -68,9 +69,11 @@ class Straddling:
     catalogue: Catalogue
     is_edge: bool  # labels are compared; else lifetimes
     cap: int  # impacts after which a point is given up
+    check: Check = go_on  # is called often, and raises to give up
 
     def results(self, points: FloatArray, cap: int) -> RecordArray:
         """Return the RESULT of impacts (phase, velocity before them)."""
+        self.check()
         return results_here(initial_after(self.catalogue.parameters, *points.T), cap,
                             self.catalogue.table)
 

@@ -16,7 +16,6 @@
 
 from collections.abc import Iterator, Mapping
 import contextlib
-import dataclasses
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -27,10 +26,9 @@ from .kicks import Kick
 from .orbits import find_orbits
 from .plane import Plane
 from .saddles import Straddling
-from ..core.arrays import FloatArray, IntArray
+from ..core.arrays import FloatArray
 from ..core.many.settling import UNSETTLED
-from ..core.orbits.curves import grow, impact_map, pieces, segments_of
-from ..core.orbits.manifolds import saddle_of
+from ..core.orbits.curves import pieces, sides_of
 from ..core.orbits.orbit import Orbit
 
 #: Places (phase, velocity before the impact) by layer: points of shape (n, 2), or pieces of lines
@@ -52,18 +50,6 @@ LENGTH: Final = 40.0
 PRECISION: Final = 0.01
 FASTER: Final = 3.0
 SEED: Final = 1
-
-
-@dataclasses.dataclass(frozen=True)
-class Watched(Straddling):
-    """A straddle that can be given up."""
-
-    check: Check
-
-    def values(self, points: FloatArray) -> IntArray:
-        """Return the labels; what `check` raises gives up."""
-        self.check()
-        return super().values(points)
 
 
 def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Plane, check: Check
@@ -94,7 +80,7 @@ def skeletons(catalogue: Catalogue, kicks: Mapping[int, Kick | None], plane: Pla
     # With one attractor there is no boundary, and where impacts forget everything no way back.
     if len(bounded) < 2 or not parameters.restitution:
         return
-    straddling = Watched(catalogue, True, catalogue.hold, check)
+    straddling = Straddling(catalogue, True, catalogue.hold, check)
     known: dict[str, Layers] = {}
     for each in bounded:
         met = straddling.accessible_orbit(each, orbits, RAYS, REACHED, random)
@@ -115,11 +101,10 @@ def manifolds(orbit: Orbit, plane: Plane, check: Check) -> Layers:
     """Return both manifolds of a saddle."""
     fastest = FASTER * max(map(abs, plane.velocity))
     parts: dict[str, list[FloatArray]] = {UNSTABLE: [], STABLE: []}
-    for _, segment, backwards in segments_of(saddle_of(orbit)):
-        curve = grow(segment, impact_map(
-            orbit.parameters.model, backwards=backwards, fastest=fastest, check=check),
-            length=LENGTH, tolerance=PRECISION)
-        parts[STABLE if backwards else UNSTABLE].append(pieces(curve.points, curve.begins))
+    for name, curve in sides_of(orbit, fastest=fastest, check=check, length=LENGTH,
+                                tolerance=PRECISION):
+        parts[STABLE if name.startswith('stable') else UNSTABLE].append(
+            pieces(curve.points, curve.begins))
     return {name: np.concatenate(both) for name, both in parts.items()}
 
 

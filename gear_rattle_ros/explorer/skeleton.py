@@ -15,6 +15,7 @@
 """Layers over the plane: unstable orbits, manifolds, the edge state and the smallest kick."""
 
 from collections.abc import Callable, Iterator, Mapping
+import contextlib
 import dataclasses
 import math
 import time
@@ -33,9 +34,8 @@ from ..core.arrays import FloatArray, IntArray
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import UNSETTLED
-from ..core.orbits.curves import Curve, grow, impact_map, segments_of
+from ..core.orbits.curves import Curve, sides_of
 from ..core.orbits.listing import OrbitList
-from ..core.orbits.manifolds import saddle_of
 from ..core.orbits.orbit import Orbit
 from ..core.orbits.section import turn
 from ..core.words import counted
@@ -111,7 +111,7 @@ class Skeleton:
         self._catalogues = catalogues
         self._view: View | None = None
         self._orbits: OrbitList | None = None
-        self._edge: dict[str, Any] = {}
+        self._edge: tuple[str, FloatArray] | None = None
         self._kicks: dict[tuple[int, int], Kick | None] = {}
 
     def layers(self, asked: Asked, check: Callable[[], None]) -> Iterator[Layers]:
@@ -124,7 +124,7 @@ class Skeleton:
         if now.words or not asked.names:
             return
         if asked.view != self._view:
-            self._view, self._orbits, self._edge, self._kicks = asked.view, None, {}, {}
+            self._view, self._orbits, self._edge, self._kicks = asked.view, None, None, {}
             settled = time.monotonic() + SETTLED_AFTER
             while time.monotonic() < settled:
                 check()
@@ -137,20 +137,16 @@ class Skeleton:
 
     def _find(self, asked: Asked, check: Callable[[], None]) -> Iterator[Any]:
         # Manifolds belong to an orbit of the list, and follow it as it grows.
-        parameters, saddle = asked.view.parameters, None
-
-        def find(longest: int, points: int, known: OrbitList | None) -> OrbitList:
-            return find_orbits(parameters, longest, first=points, most=points, known=known,
-                               reached=lambda done, found: check())
-
+        saddle = None
         while True:
             found = self._orbits
-            if found is None:
-                found = self._orbits = find(*QUICK, None)
-            elif found.longest < LONGEST:
-                found = self._orbits = find(LONGEST, POINTS, None)
-            elif not found.is_complete and found.points < MOST:
-                found = self._orbits = find(LONGEST, 2 * found.points, found)
+            known = found if found and found.longest == LONGEST else None
+            if found is None or known is None or not known.is_complete and known.points < MOST:
+                longest, points = QUICK if found is None else (
+                    LONGEST, 2 * known.points if known else POINTS)
+                found = self._orbits = find_orbits(
+                    asked.view.parameters, longest, first=points, most=points, known=known,
+                    reached=lambda done, found: check())
             unstable = found.unstable
             if ORBITS in asked.names:
                 yield {ORBITS: f'{counted(len(unstable), "unstable orbit")} of up to '
@@ -158,7 +154,8 @@ class Skeleton:
             if MANIFOLDS in asked.names:
                 nearest = nearest_saddle(asked, unstable)
                 if nearest is None:
-                    yield {MANIFOLDS: 'no saddle is found'}, {}
+                    yield {MANIFOLDS: 'no saddle is found' if asked.view.parameters.restitution
+                           else 'r = 0: impacts have no inverse, so there is no W<sup>s</sup>'}, {}
                 elif saddle is None or nearest.key != saddle.key:
                     saddle = nearest
                     yield from self._grow(asked, saddle, check)
@@ -170,38 +167,27 @@ class Skeleton:
         first, second = orbit.multipliers.real
         words = {MANIFOLDS: f'W<sup>u</sup> and W<sup>s</sup> of the saddle {orbit.name}, '
                             f'multipliers {first:.3g} and {second:.3g}'}
-        if not asked.view.parameters.restitution:
-            words = {MANIFOLDS: 'r = 0: impacts have no inverse, so there is no W<sup>s</sup>'}
-            yield words, lines
-            return
-        for name, segment, backwards in segments_of(saddle_of(orbit)):
-            map_on = impact_map(asked.view.parameters.model, backwards=backwards,
-                                fastest=FASTEST, check=check)
+        for name, curve in sides_of(orbit, fastest=FASTEST, check=check, length=LENGTH):
             kind = name.split()[0]
-            lines[kind] = np.concatenate([lines[kind], line_of(
-                asked.view, grow(segment, map_on, length=LENGTH))])
+            lines[kind] = np.concatenate([lines[kind], line_of(asked.view, curve)])
             yield words, dict(lines)
 
     def _straddle(self, asked: Asked, check: Callable[[], None]) -> Iterator[Any]:
-        if not self._edge:
+        if self._edge is None:
             straddling = Straddling(
-                self._catalogues.complete(asked.view, check).catalogue, True, CAP)
-            points, random = NOWHERE, np.random.default_rng(1)
-            try:
+                self._catalogues.complete(asked.view, check).catalogue, True, CAP, check)
+            points, random, words = NOWHERE, np.random.default_rng(1), 'no boundary of basins'
+            with contextlib.suppress(ValueError):
                 while len(points) < STRADDLED:
-                    check()
                     points = np.concatenate([points, straddling.follow(
                         asked.view.plane(1), SLICE, random)])
-                    yield {EDGE: 'edge state'}, {'edge': self._both(asked.view, points)}
-                orbit = straddling.orbit_of(points)
-                if orbit is not None:
-                    points = orbit.points
-                self._edge = {'words': f'edge state: {orbit.name}' if orbit else
-                              'the boundary holds a chaotic saddle',
-                              'edge': self._both(asked.view, points)}
-            except ValueError:
-                self._edge = {'words': 'no boundary of basins', 'edge': NOWHERE}
-        yield {EDGE: self._edge['words']}, {'edge': self._edge['edge']}
+                    words = 'edge state'
+                    yield {EDGE: words}, {'edge': self._both(asked.view, points)}
+                orbit, words = straddling.orbit_of(points), 'the boundary holds a chaotic saddle'
+                if orbit:
+                    points, words = orbit.points, f'edge state: {orbit.name}'
+            self._edge = words, self._both(asked.view, points)
+        yield {EDGE: self._edge[0]}, {'edge': self._edge[1]}
 
     @staticmethod
     def _both(view: View, points: FloatArray) -> FloatArray:

@@ -40,7 +40,7 @@ PICTURES: Final = {
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'orbits': {'': 'over_basins.draw_orbits'},
-    'saddle': {'': 'saddle.draw_saddle'},
+    'saddle': {'': 'grids.draw_saddle'},
     'section': {'': 'section.draw_section'},
     'stability': {'': 'over_basins.draw_stability'},
 }

@@ -14,7 +14,7 @@
 
 """Pictures of grids: basins by attractor, lifetimes on a logarithmic scale, attractors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
 from typing import Any, Final, TYPE_CHECKING
 
@@ -33,7 +33,7 @@ from .style import add_axes, Looks, new_figure, phase_ticks, thousands
 from ..attractors.letters import numbers_of
 from ..core.many.settling import UNSETTLED
 from ..core.words import counted
-from ..palette import ENDS, EXPONENTS, FORGOTTEN, GREY, painted, reach
+from ..palette import ENDS, EXPONENTS, FORGOTTEN, painted, reach
 
 if TYPE_CHECKING:
     import xarray
@@ -96,25 +96,32 @@ def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 
 def draw_attractors(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the attractors on the section."""
-    figure, axes = _new(dataset, 'Attractors on the section', looks)
-    colours, names = colours_and_names(dataset, looks)
-    for label, share in zip(dataset['attractor_label'].values.tolist(),
-                            dataset['attractor_share'].values, strict=True):
-        # A chaotic attractor is a thin line.
-        for name, size in (('point', 40.0), ('box', 3.0)):
-            mine = dataset[f'{name}_label'].values == label
-            if mine.any():
-                axes.scatter(dataset[f'{name}_phase'].values[mine],
-                             dataset[f'{name}_velocity'].values[mine], s=size, linewidths=0,
-                             color=colours[label], label=f'{names[label]}  {100.0 * share:.1f} %')
-    axes.axhline(0.0, color=GREY, linewidth=0.6)
-    legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
-    for handle in legend.legend_handles:
-        if isinstance(handle, PathCollection):
-            handle.set_sizes([60.0])
-    phase_ticks(axes, (0.0, 2.0 * math.pi))
-    axes.set_xlim(0.0, 2.0 * math.pi)
-    axes.set_ylabel("velocity before the impact s' [1]; upper wall above 0, lower below")
+    shares = zip(dataset['attractor_label'].values, dataset['attractor_share'].values, strict=True)
+    return _section(dataset, 'Attractors', looks,
+                    {label: f'  {100.0 * share:.1f} %' for label, share in shares})
+
+
+def draw_saddle(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    """Draw straddle trajectories, the attractors, and the orbits accessible from each."""
+    a = dataset.attrs
+    kind = 'a transient' if a['straddles'] == 'lifetimes' else 'the boundary of basins'
+    what = f'the orbit {a["is_orbit"]}' if a['is_orbit'] else 'the chaotic saddle'
+    figure = _section(dataset, f'Saddle of {kind}', looks)
+    axes = figure.axes[0]
+    axes.plot(dataset['phase'].values.ravel(), dataset['velocity'].values.ravel(), 'o', zorder=0,
+              color='black', markersize=2.2, markeredgewidth=0.0, rasterized=True,
+              label=f'impacts straddled: {what}')
+    colours, _ = colours_and_names(dataset, looks)
+    label_of = dict(zip(dataset['attractor_key'].values, dataset['attractor_label'].values,
+                        strict=True))
+    for number, side in enumerate(dataset['orbit_side'].values.tolist()):
+        if side:
+            mine = dataset['orbit_point_number'].values == number
+            axes.scatter(dataset['orbit_point_phase'].values[mine],
+                         dataset['orbit_point_velocity'].values[mine], marker='X', s=90,
+                         color=colours[label_of[side]], edgecolors='white', zorder=3,
+                         label=f'accessible from there: {dataset["orbit_key"].values[number]}')
+    _legend(figure)
     return figure
 
 
@@ -138,6 +145,18 @@ def draw_survival(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     return figure
 
 
+def scatter(axes: Axes, dataset: 'xarray.Dataset', label: int, colour: str, words: str = ''
+            ) -> None:
+    """Mark the impacts of an attractor; a chaotic one is a thin line."""
+    for name, size in (('point', 40.0), ('box', 2.0)):
+        mine = dataset[f'{name}_label'].values == label
+        if mine.any():
+            axes.scatter(dataset[f'{name}_phase'].values[mine],
+                         dataset[f'{name}_velocity'].values[mine], s=size, color=colour,
+                         edgecolors='white', linewidths=0.6 * (name == 'point'), zorder=3,
+                         label=words)
+
+
 def colours_and_names(dataset: 'xarray.Dataset', looks: Looks
                       ) -> tuple[dict[int, str], dict[int, str]]:
     """Return each attractor's colour and its name, a letter or its label and key, by label."""
@@ -159,6 +178,30 @@ def _new(dataset: 'xarray.Dataset', title: str, looks: Looks) -> tuple[Figure, A
     figure = new_figure(900, 800, looks, layout='constrained')
     figure.suptitle(_title(dataset, title, looks), fontsize=13)
     return figure, figure.subplots()
+
+
+def _section(dataset: 'xarray.Dataset', title: str, looks: Looks,
+             after: Mapping[int, str] | None = None) -> Figure:
+    # The attractors, with what comes after their names.
+    figure, axes = _new(dataset, f'{title} on the section', looks)
+    colours, names = colours_and_names(dataset, looks)
+    for label, colour in colours.items():
+        scatter(axes, dataset, label, colour, names[label] + (after or {}).get(label, ''))
+    style.name_walls(axes)
+    phase_ticks(axes, (0.0, 2.0 * math.pi))
+    axes.set_xlim(0.0, 2.0 * math.pi)
+    axes.set_ylabel(style.VELOCITY_LABEL, fontsize=12)
+    _legend(figure)
+    return figure
+
+
+def _legend(figure: Figure) -> None:
+    for legend in figure.legends:
+        legend.remove()
+    legend = figure.legend(loc='outside lower center', ncols=2, frameon=False)
+    for handle in legend.legend_handles:
+        if isinstance(handle, PathCollection):
+            handle.set_sizes([60.0])
 
 
 def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArray[Any], *,

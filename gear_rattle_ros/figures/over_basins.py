@@ -26,7 +26,7 @@ from matplotlib.patches import Circle, Patch
 import numpy as np
 
 from . import style
-from .grids import colours_and_names, draw_basins
+from .grids import colours_and_names, draw_basins, scatter
 from .style import BOTTOM, legend_mark, Looks
 from ..core.orbits.curves import pieces
 from ..core.words import counted
@@ -129,12 +129,7 @@ def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     colours, _ = colours_and_names(dataset, looks)
     colours = ENDS | colours
     for k, label in enumerate(dataset['attractor_label'].values.tolist()):
-        for name, size in (('point', 40.0), ('box', 2.0)):
-            mine = dataset[f'{name}_label'].values == label
-            phase, velocity = (dataset[f'{name}_{axis}'].values[mine] for axis in (
-                'phase', 'velocity'))
-            axes.scatter(phase, velocity, s=size, color=colours[label], edgecolors='white',
-                         linewidths=0.6 * (name == 'point'), zorder=3)
+        scatter(axes, dataset, label, colours[label])
         one = {str(name).removeprefix('attractor_'): dataset[name].values[k]
                for name in dataset.data_vars if str(name).startswith('attractor_')}
         for kind, name, line in (('disc', 'radius', ':'), ('displacement', 'size', '-')):

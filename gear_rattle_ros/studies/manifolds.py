@@ -27,21 +27,19 @@ from . import basins
 from .tangency import first_touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
-from ..attractors.engine import run_tiles
 from ..attractors.listing import impact_table
 from ..attractors.plane import Plane
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
-from ..core.flight.closed_form import NO_WALL
 from ..core.flight.inverse import require_inverse
 from ..core.flight.lanes import make_initial_conditions
+from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters, Wall
 from ..core.orbits.branches import follow
 from ..core.orbits.cells import find_cells, first_crossing
-from ..core.orbits.curves import Curve, grow, impact_map, joined, Segment, segments_of
-from ..core.orbits.impact_map import map_points
+from ..core.orbits.curves import Curve, impact_map, joined, Segment, segments_of, sides_of
 from ..core.orbits.manifolds import Saddle, saddle_of
-from ..core.orbits.orbit import close_orbit, Orbit
+from ..core.orbits.orbit import close_near, close_orbit, Orbit
 from ..core.orbits.section import distances
 from ..core.words import counted
 from ..store.store import Store
@@ -113,7 +111,14 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
         saddle=saddle.orbit.name, length=length, precision=precision,
         touch=list(touch or ()))
     if not store.has_table('curve_wall'):
-        _write(store, saddle, catalogue, _grow_all(saddle, plane, length, precision, work), work)
+        curves: dict[str, Curve] = {}
+        with work.report('curves', len(segments_of(saddle))) as progress:
+            for name, curve in sides_of(
+                    saddle.orbit, fastest=FASTER * max(map(abs, plane.velocity)), length=length,
+                    tolerance=precision):
+                curves[name] = curve
+                progress.add(1, len(curve.walls))
+        _write(store, saddle, catalogue, curves, work)
     if touch is not None and 'touch_alpha' not in store.attrs:
         with work.report('first touch', 70, uneven=True) as progress:
             found = first_touch(saddle.orbit, *touch, searched=progress.add)
@@ -158,16 +163,12 @@ def _distance(orbit: Orbit, point: Sequence[float]) -> float:
 
 def _close(parameters: Parameters, point: Sequence[float], period: int, reach: float
            ) -> Orbit | None:
-    # The orbit of that many impacts through a point; its other points are found on the way.
-    passed = [np.array([point])]
-    while len(passed) < period:
-        image, _, walls, _ = map_points(passed[-1], parameters.model)
-        if walls[0] == NO_WALL:
-            return None
-        passed.append(image)
-    points = np.concatenate(passed)
-    # The later points of a saddle are off by more.
-    found = close_orbit(np.signbit(points[:, 1]).astype(np.int64), points, parameters, REACH)
+    # The orbit of that many impacts through a point; its other points are found on the way, and
+    # those of a saddle are off by more.
+    rows, made = record_impacts(
+        initial_after(parameters, *np.reshape(point, (2, 1))), 0, period)
+    rows['phase'][0, -1], rows['velocity'][0, -1] = point
+    found = close_near(parameters, rows[0], REACH) if made[0] == period else None
     if found is None or found.impacts != period or _distance(found, point) > reach:
         return None
     return found.canonical()
@@ -185,28 +186,6 @@ def partner_of(orbit: Orbit) -> Orbit:
                 return found.canonical()
     raise ValueError(f'the orbit {orbit.name} is stable, and its branch within {BEYOND:g} of '
                      f'alpha = {alpha:g} shows no saddle born with it; give the --point of one')
-
-
-def _grow_all(saddle: Saddle, plane: Plane, length: float, precision: float, work: Work
-              ) -> dict[str, Curve]:
-    model = saddle.orbit.parameters.model
-    fastest = FASTER * max(map(abs, plane.velocity))
-    segments = segments_of(saddle)
-    curves: dict[int, Curve] = {}
-
-    def fill(number: int) -> Curve:
-        _, segment, backwards = segments[number]
-        return grow(segment, impact_map(model, backwards=backwards, fastest=fastest),
-                    length=length, tolerance=precision)
-
-    with work.report('curves', len(segments)) as progress:
-        def finished(number: int, curve: Curve) -> None:
-            curves[number] = curve
-            progress.add(1, len(curve.walls))
-
-        # They are too quick for a cluster.
-        run_tiles(fill, range(len(segments)), finished, threads=work.threads)
-    return {name: curves[number] for number, (name, _, _) in enumerate(segments)}
 
 
 def _write(store: Store, saddle: Saddle, catalogue: Catalogue, curves: dict[str, Curve],

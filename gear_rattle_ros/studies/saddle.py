@@ -30,7 +30,7 @@ from .attractors import (
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
-from ..attractors.listing import named
+from ..attractors.listing import impact_table, named, table
 from ..attractors.orbits import find_orbits
 from ..attractors.plane import initial_condition, Plane
 from ..attractors.saddles import HEAD, Straddling
@@ -154,29 +154,21 @@ def _write_results(store: Store, straddling: Straddling, work: Work, seed: int) 
     for each in straddling.catalogue.attractors if straddling.is_edge else ():
         if met := straddling.accessible_orbit(each, unstable, RAYS, REACHED, random):
             found.append((each.key, *met))
-    orbits = [one for _, one, _ in found]
-    hits = np.concatenate([np.zeros((0, 2)), *(one.points for one in orbits)])
     values, errors = zip(rates.kappa, rates.lambda_1, rates.lambda_2, rates.dimension_1,
                          rates.dimension_2, rates.exponent, strict=True)
     store.set_attributes({'is_orbit': orbit.key if orbit else '', 'escapes': rates.escapes,
                           'impacts': rates.impacts})
-    store.write_table({name: ((name.rsplit('_', 1)[0], 'pair')[:np.ndim(column)],
-                              np.array(column), named(words, units))
-                       for name, column, words, units in (
-        ('rate_name', [*RATES], 'name of the rate', ''),
-        ('rate_value', values, 'rate per impact, or dimension', '1'),
-        ('rate_error', errors, 'its standard error', '1'),
-        ('orbit_key', [one.key for one in orbits], 'name of the orbit', ''),
-        ('orbit_side', [side for side, _, _ in found], 'attractor from which it is accessible, '
-         'empty for an orbit on the saddle', ''),
-        ('orbit_impacts', [one.impacts for one in orbits], 'impacts of a period', '1'),
-        ('orbit_multiplier', np.reshape([one.multipliers.real for one in orbits], (-1, 2)),
-         'multipliers of a period', '1'),
-        ('orbit_near', [near for _, _, near in found], 'impacts straddled near it', '1'),
-        ('orbit_point_phase', hits[:, 0], 'drive phase of its impacts', 'rad'),
-        ('orbit_point_velocity', hits[:, 1], 'velocity before them', '1'),
-        ('orbit_point_number', np.repeat(np.arange(len(orbits)), [
-            one.impacts for one in orbits]), 'orbit of the point', '1'))})
+    store.write_table(table(
+        'rate', name=([*RATES], 'name of the rate', ''), error=(errors, 'its standard error'),
+        value=(values, 'rate per impact, or dimension')) | table(
+        'orbit', key=([one.key for _, one, _ in found], 'name of the orbit', ''),
+        side=([side for side, _, _ in found], 'attractor from which it is accessible, empty for '
+              'an orbit on the saddle', ''),
+        impacts=([one.impacts for _, one, _ in found], 'impacts of a period'),
+        multiplier=(np.reshape([one.multipliers.real for _, one, _ in found], (-1, 2)),
+                    'multipliers of a period', '1', 'pair'),
+        near=([near for _, _, near in found], 'impacts straddled near it')) | impact_table(
+        'orbit_point', [(one.walls, one.points) for _, one, _ in found], 'orbit of the point'))
 
 
 def _lifetime(straddling: Straddling, initial: RecordArray) -> int:

@@ -24,6 +24,7 @@ import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.core.flight.closed_form import NO_WALL
 from gear_rattle_ros.core.flight.lanes import make_initial_conditions
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.cells import find_cells, first_crossing
@@ -225,3 +226,18 @@ def test_a_polygon_that_manifolds_bound_is_a_basin_cell_if_its_image_lies_in_it(
     assert not cells[0].contains(np.ones(4, np.int64), inside).any()
     assert not find_cells(np.zeros((1, 2)), unstable, stable, lambda walls, points, times: (
         walls, points + 1.0))
+
+
+@pytest.mark.parametrize('alpha, times', [(0.48, 1), (0.48, 12), (1.244, 5)])
+def test_many_points_are_mapped_as_each_by_itself(alpha: float, times: int) -> None:
+    """To the bit, also where a gear sticks or is too fast."""
+    random = np.random.default_rng(1)
+    walls, speeds = random.integers(-1, 2, 1000), 2.0 * 10.0**random.uniform(-5.0, 0.0, 1000)
+    points = np.column_stack(
+        [random.uniform(-0.1, 2.0 * math.pi, 1000), (1.0 - 2.0 * walls) * speeds])
+    map_on = impact_map(Parameters(alpha).model, fastest=1.0)
+    images, there = map_on(walls, points, times)
+    alone = [map_on(walls[k:k + 1], points[k:k + 1], times) for k in range(1000)]
+    assert np.array_equal(images, np.concatenate([each for each, _ in alone]))
+    assert np.array_equal(there, np.concatenate([each for _, each in alone]))
+    assert 50 < np.sum(images == NO_WALL) < 950

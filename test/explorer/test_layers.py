@@ -30,7 +30,7 @@ from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import distances
 from gear_rattle_ros.explorer import skeleton
 from gear_rattle_ros.explorer.catalogues import Catalogues, GivenUp
-from gear_rattle_ros.explorer.layer_glyphs import LayerGlyphs
+from gear_rattle_ros.explorer.plane_figure import LayerGlyphs
 from gear_rattle_ros.explorer.skeleton import (
     Asked,
     EDGE,
@@ -162,6 +162,7 @@ def test_what_cannot_be_drawn_is_put_in_words() -> None:
         View(Parameters(restitution=0.0)), (4.0, -0.5), (MANIFOLDS, EDGE)), lambda: None)
     assert last.words.keys() == {MANIFOLDS, EDGE}
     assert last.words[EDGE] == 'no boundary of basins'
+    assert 'no W<sup>s</sup>' in last.words[MANIFOLDS]
     assert len(last.stable) == len(last.edge) == 0
 
 

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from .newton import CLOSED
+from .impact_map import CLOSED
 from .orbit import fire, Orbit, orbit_at, same_orbit, Shot, solve_ring
 from .section import turn as turned
 from ..arrays import FloatArray

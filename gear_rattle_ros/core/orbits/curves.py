@@ -20,7 +20,7 @@ inserted where the image is coarse, and are mapped from the segment themselves, 
 the manifold.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import dataclasses
 import functools
 import math
@@ -30,13 +30,16 @@ import numpy as np
 import numpy.typing as npt
 
 from .impact_map import next_impact
-from .manifolds import Saddle, SEED_DISTANCE
+from .manifolds import Saddle, saddle_of, SEED_DISTANCE
+from .orbit import Orbit
 from .section import turn
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, Record, RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import NO_WALL
+from ..flight import lanes
+from ..flight.closed_form import NO_WALL, sticks, wall_of
 from ..flight.elementary import TWO_PI
 from ..flight.inverse import previous_impact
+from ..flight.lanes_step import LANES
 from ..model import Model
 
 #: Maps points (phase, velocity) at walls on, each that many times; NO_WALL where there is no more.
@@ -51,6 +54,9 @@ RESOLUTION: Final = 1e-9
 FIRST: Final = 9
 PARTS: Final = 16
 ROUNDS: Final = 200
+# Steps of the lanes at once; fewer points would leave them empty, and are mapped one by one.
+STEPS: Final = 4
+FEW: Final = 2 * LANES
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,6 +141,35 @@ def carry(walls: IntArray, points: FloatArray, times: int, backwards: bool, fast
         walls[i], points[i, 0], points[i, 1] = wall, phase, velocity
 
 
+@kernel
+def carry_in_lanes(tile: Record, initial: RecordArray, numbers: IntArray, walls: IntArray,
+                   points: FloatArray, times: int, fastest: float) -> None:
+    """Map points of these numbers on from their initial conditions, forwards, as `carry` does."""
+    impacts = lanes.new_impacts(STEPS)
+    walls[numbers] = NO_WALL
+    following = 0
+    while True:
+        following = lanes.refill(tile, initial, following, float(times))
+        if not lanes.is_busy(tile):
+            return
+        lanes.advance(tile, impacts, STEPS)
+        for i in range(LANES):
+            if tile.number[i] == lanes.EMPTY:
+                continue
+            n, model, ends = numbers[tile.number[i]], lanes.model_in(tile, i), tile.left[i] <= 0.0
+            for k in range(tile.count[i]):
+                one = impacts[i, k]
+                last = ends and tile.end[i] == lanes.RUNS and k == tile.count[i] - 1
+                fast = abs(one.velocity) > fastest
+                if last or fast or sticks(one.velocity, one.phase, model):
+                    points[n, 0], points[n, 1] = one.phase, one.velocity
+                    walls[n] = wall_of(one.velocity) if last and not fast else NO_WALL
+                    ends = True
+                    break
+            if ends:
+                lanes.release(tile, i)
+
+
 def impact_map(model: Model, *, backwards: bool = False, fastest: float = math.inf,
                check: Callable[[], None] = lambda: None) -> Map:
     """Return the map from impact to impact, or its inverse, up to a speed [1]."""
@@ -142,7 +177,17 @@ def impact_map(model: Model, *, backwards: bool = False, fastest: float = math.i
     def map_on(walls: IntArray, points: FloatArray, times: int) -> tuple[IntArray, FloatArray]:
         check()
         walls, points = walls.copy(), points.copy()
-        carry(walls, points, times, backwards, fastest, model)
+        # The bounds of the lanes hold for no negative damping, so they do not go backwards.
+        if backwards or not times or len(walls) < FEW:
+            carry(walls, points, times, backwards, fastest, model)
+            return walls, points
+        numbers = np.flatnonzero(walls != NO_WALL)
+        initial = np.zeros(len(numbers), lanes.INITIAL)
+        initial['phase'], initial['displacement'] = points[numbers, 0], -1.0 * walls[numbers]
+        initial['velocity'] = -model.restitution * points[numbers, 1]
+        for name, value in model._asdict().items():
+            initial[name] = value
+        carry_in_lanes(lanes.new_tiles(1)[0], initial, numbers, walls, points, times, fastest)
         return walls, points
 
     return map_on
@@ -256,6 +301,14 @@ def pieces(points: FloatArray, begins: npt.NDArray[np.bool_]) -> FloatArray:
 def joined(parts: Sequence[Curve]) -> Curve:
     """Return curves one after the other as one."""
     return Curve(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+
+
+def sides_of(orbit: Orbit, *, fastest: float, check: Callable[[], None] = lambda: None,
+             **how: Any) -> Iterator[tuple[str, Curve]]:
+    """Grow the sides of both manifolds of a saddle one after the other: its name, the curve."""
+    for name, segment, backwards in segments_of(saddle_of(orbit)):
+        yield name, grow(segment, impact_map(orbit.parameters.model, backwards=backwards,
+                                             fastest=fastest, check=check), **how)
 
 
 def _curve_of(images: list[tuple[_Generation, npt.NDArray[np.bool_]]], period: int) -> Curve:

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The map from one impact to the next with its exact derivatives, eq. (9) of the paper."""
+"""The map from one impact to the next, its exact derivatives (eq. (9)), and Newton's method."""
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -25,6 +26,12 @@ from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPE
 from ..flight.elementary import relaxation, sine_cosine, TWO_PI
 from ..flight.first_impact import search_impact
 from ..model import Model
+
+# A step of this size is the last [rad, 1]; so is one that is not smaller than the one before
+# where the sequence closes to rounding.
+CLOSED: Final = 1e-12
+ROUNDING: Final = 1e-11
+NEWTON_STEPS: Final = 40
 
 
 @kernel
@@ -94,19 +101,57 @@ def shoot(walls: IntArray, points: FloatArray,
           model: Model) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
     """Map a closed sequence on: whether each flight ends at the next wall, and a `Shot`."""
     q = len(walls)
-    defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
+    defects, slopes, times = np.zeros((q, 2)), np.zeros((q, 6)), np.zeros(q)
     for k in range(q):
         n = (k + 1) % q
         hit, _, phase, velocity, d = next_impact(walls[k], points[k, 0], points[k, 1], model)
         if hit != walls[n] or velocity == 0.0:
-            return False, defects, jacobian, times
+            return False, defects, slopes, times
         times[k] = d
-        defects[2 * k] = turn_of(phase - points[n, 0])
-        defects[2 * k + 1] = velocity - points[n, 1]
-        one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
-        for row in range(2):
-            jacobian[2 * k + row, 2 * k] = one[3 * row]
-            jacobian[2 * k + row, 2 * k + 1] = one[3 * row + 1]
-            jacobian[2 * k + row, 2 * q] = one[3 * row + 2]
-            jacobian[2 * k + row, 2 * n + row] -= 1.0
-    return True, defects, jacobian, times
+        defects[k, 0] = turn_of(phase - points[n, 0])
+        defects[k, 1] = velocity - points[n, 1]
+        for j, slope in enumerate(derivatives(points[k, 0], points[k, 1], d, phase, velocity,
+                                              model)):
+            slopes[k, j] = slope
+    return True, defects, slopes, times
+
+
+@kernel
+def close_ring(walls: IntArray, points: FloatArray, reach: float, model: Model) -> bool:
+    """Move the points of a closed sequence, each by at most `reach` [rad, 1], onto an orbit."""
+    # False where none is found. Each change follows from that of the first point, z_k = C_k z_0 +
+    # d_k, in a row of `carried`; the sequence closes where z_q = z_0.
+    q = len(walls)
+    seeds, carried = points.copy(), np.zeros((q, 6))
+    shortest = math.inf
+    for _ in range(NEWTON_STEPS):
+        closed, defects, slopes, _ = shoot(walls, points, model)
+        if not closed:
+            return False
+        a, b, c, d, e, f = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+        for k in range(q):
+            carried[k, 0], carried[k, 1], carried[k, 2] = a, b, e
+            carried[k, 3], carried[k, 4], carried[k, 5] = c, d, f
+            p_p, p_v, v_p, v_v = slopes[k, 0], slopes[k, 1], slopes[k, 3], slopes[k, 4]
+            a, b, c, d, e, f = (
+                p_p * a + p_v * c, p_p * b + p_v * d, v_p * a + v_v * c, v_p * b + v_v * d,
+                p_p * e + p_v * f + defects[k, 0], v_p * e + v_v * f + defects[k, 1])
+        # (C - 1) z = -d
+        determinant = (a - 1.0) * (d - 1.0) - b * c
+        if not abs(determinant) > 0.0:
+            return False
+        z_phase = (b * f - (d - 1.0) * e) / determinant
+        z_velocity = (c * e - (a - 1.0) * f) / determinant
+        size = 0.0
+        for k in range(q):
+            for j in range(2):
+                by = (carried[k, 3 * j] * z_phase + carried[k, 3 * j + 1] * z_velocity
+                      + carried[k, 3 * j + 2])
+                points[k, j] += by
+                size = max(size, abs(by))
+                if not abs(points[k, j] - seeds[k, j]) <= reach:
+                    return False
+        if size < CLOSED or (size >= shortest and np.abs(defects).max() < ROUNDING):
+            return True
+        shortest = min(shortest, size)
+    return False

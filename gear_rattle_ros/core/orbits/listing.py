@@ -16,12 +16,11 @@
 """All periodic orbits up to a number of impacts, stable or not, as far as seeds show them."""
 
 import dataclasses
-from typing import Any, Final, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from .impact_map import derivatives, next_impact
-from .newton import close_ring
+from .impact_map import close_ring, derivatives, next_impact
 from .orbit import Orbit, orbit_at
 from .section import turn_of
 from ..arrays import FloatArray, IntArray
@@ -52,11 +51,17 @@ SETTLED: Final = 1e-3
 SAME: Final = 1e-7
 # A contact that is slower is no impact [1].
 SLOWEST: Final = 1e-9
-# Orbits for which more room is made at once.
+# Orbits for which room is made at once.
 ROOM: Final = 1000
 
-# Walls, points, and how many seeds led there.
-Row: TypeAlias = tuple[IntArray, FloatArray, int]
+
+class Rings(NamedTuple):
+    """Closed sequences of impacts, and how many seeds led to each, as kernels take them."""
+
+    walls: IntArray  # shape (n, longest)
+    points: FloatArray  # phase and velocity before each impact [rad, 1], shape (n, longest, 2)
+    impacts: IntArray
+    seeds: IntArray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,84 +111,47 @@ class OrbitList:
                 if len(self.rounds) > 1 else f'there was one round alone, of {points}')
         return f'not complete: {done}; about {self.unseen:.0f} more are to be expected'
 
+    @property
+    def rings(self) -> Rings:
+        """Return the orbits as kernels take them."""
+        n, q = len(self.orbits), self.longest
+        rings = Rings(np.zeros((n, q), np.int64), np.zeros((n, q, 2)), np.array(
+            [orbit.impacts for orbit in self.orbits], np.int64), np.array(self.seeds, np.int64))
+        for k, orbit in enumerate(self.orbits):
+            rings.walls[k, :orbit.impacts] = orbit.walls
+            rings.points[k, :orbit.impacts] = orbit.points
+        return rings
 
-class Rings:
-    """Closed sequences of impacts, a row of arrays for each, and how many seeds led to it."""
-
-    def __init__(self, found: OrbitList) -> None:
-        self.parameters, self.longest = found.parameters, found.longest
-        self._arrays = (
-            np.zeros((0, self.longest), np.int64), np.zeros((0, self.longest, 2)),
-            np.zeros(0, np.int64), np.zeros(0, np.int64))
-        self._make_room(len(found.orbits))
-        walls, rings, impacts, seeds = self._arrays
-        for row, orbit in enumerate(found.orbits):
-            walls[row, :orbit.impacts], rings[row, :orbit.impacts] = orbit.walls, orbit.points
-            impacts[row] = orbit.impacts
-        self.known = len(found.orbits)
-        seeds[:self.known] = found.seeds
-
-    def add(self, seeds: IntArray, new: list[Row]) -> None:
-        """Add seeds of the first sequences, and sequences that may be there."""
-        self._arrays[-1][:len(seeds)] += seeds
-        for on_walls, points, count in new:
-            self._make_room(self.known + 1)
-            self.known = keep(on_walls, points, *self._arrays, count, self.known)
-
-    def seek(self, first: int, count: int) -> tuple[IntArray, list[Row]]:
-        """Find what seeds from some points of the section lead to; return it for `add`."""
-        known, before = self.known, self._arrays[-1][:self.known].copy()
-        p = self.parameters
+    @property
+    def fastest(self) -> float:
+        """Highest velocity from which seeds are taken [1]."""
         # An orbit has a flight no faster than q impacts in a drive period; the other velocities
         # differ by what the forces can do in a period.
-        fastest = self.longest / TWO_PI + 2.0 * p.alpha + TWO_PI * abs(p.gamma) + p.beta
-        end = first + count
-        while first < end:
-            self._make_room(self.known + 1)
-            first, self.known = seek(first, end, fastest, *self._arrays, self.known, p.model)
-        return self._arrays[-1][:known] - before, self.rows()[known:]
+        p = self.parameters
+        return self.longest / TWO_PI + 2.0 * p.alpha + TWO_PI * abs(p.gamma) + p.beta
 
-    def splice(self) -> None:
-        """Add what two orbits lead to that come near each other, one after the other."""
-        # This finds orbits that few trajectories approach.
-        whole = min(self.known, PARTS)
-        for i in range(whole):
-            self._make_room(self.known + whole * self.longest)
-            self.known = splice(i, whole, *self._arrays, self.known, self.parameters.model)
-
-    def rows(self) -> list[Row]:
-        """List walls, points and seeds of each."""
-        walls, points, impacts, seeds = self._arrays
-        return [(walls[i, :q], points[i, :q], int(seeds[i]))
-                for i, q in enumerate(impacts[:self.known])]
-
-    def listed(self, rounds: tuple[tuple[int, int], ...], points: int) -> OrbitList:
-        """List the orbits after one more round."""
-        closed = [(orbit.canonical(), seeds) for walls, ring, seeds in self.rows()
-                  if (orbit := orbit_at(walls, ring, self.parameters))]
+    def after(self, points: int, rings: Rings) -> 'OrbitList':
+        """Return the list after one more round."""
+        closed = [(orbit.canonical(), int(seeds)) for walls, ring, q, seeds in zip(
+            *rings, strict=True) if (orbit := orbit_at(walls[:q], ring[:q], self.parameters))]
         closed.sort(key=lambda one: (one[0].impacts, one[0].drive_periods, one[0].key))
-        return OrbitList(self.parameters, self.longest, tuple(orbit for orbit, _ in closed),
-                         tuple(seeds for _, seeds in closed), (*rounds, (points, len(closed))))
-
-    def _make_room(self, rows: int) -> None:
-        more = rows - len(self._arrays[0])
-        if more > 0:
-            larger: Any = tuple(np.pad(each, [(0, more + ROOM), *[(0, 0)] * (each.ndim - 1)])
-                                for each in self._arrays)
-            self._arrays = larger
+        return dataclasses.replace(
+            self, orbits=tuple(orbit for orbit, _ in closed),
+            seeds=tuple(seeds for _, seeds in closed),
+            rounds=(*self.rounds, (points, len(closed))))
 
 
 @kernel
-def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArray,
-         impacts: IntArray, seeds: IntArray, known: int, model: Model) -> tuple[int, int]:
-    """Close near returns from points of the section; return the next point, and what is known."""
-    # It stops before the point for which there may be no room.
-    longest = rings.shape[1]
+def seek(first: int, end: int, fastest: float, rings: Rings, model: Model
+         ) -> tuple[IntArray, Rings]:
+    """Close near returns from points of the section: seeds of each known ring, and new rings."""
+    old, longest = len(rings.impacts), rings.walls.shape[1]
+    rings, known = Rings(rings.walls, rings.points, rings.impacts, rings.seeds.copy()), old
+    before = rings.seeds.copy()
     length = FOLLOWED + longest
     path, on_walls = np.zeros((length + 1, 2)), np.zeros(length + 1, np.int64)
     tangents = np.zeros((length, 4))
-    ring, carried = np.zeros((longest, 2)), np.zeros((longest, 8))
-    aim = np.zeros(2)
+    ring, aim = np.zeros((longest, 2)), np.zeros(2)
     for number in range(first, end):
         path[0, 0] = TWO_PI * ((0.5 + STEPS[0] * number) % 1.0)
         path[0, 1] = fastest * ((0.5 + STEPS[1] * number) % 1.0) * (1.0 - 2.0 * (number % 2))
@@ -220,84 +188,107 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
                     continue
                 # Where it leads to an orbit that is well known, the others would do so, too.
                 aim[0], aim[1] = path[n, 0] + by_phase, path[n, 1] + by_velocity
-                k = find_ring(on_walls[n], aim, q, SAME + AIMED * step, OFTEN, walls, rings,
-                              impacts, seeds, known)
+                k = find_ring(on_walls[n], aim, q, SAME + AIMED * step, OFTEN, rings, known)
                 if k >= 0:
-                    seeds[k] += 1
+                    rings.seeds[k] += 1
                     settled |= step < SETTLED and abs(a + d) < 1.0 + (a * d - b * c) < 2.0
                     continue
                 ring[:q] = path[n:n + q]
-                if close_ring(on_walls[n:n + q], ring[:q], carried, REACH, model):
-                    if known == len(impacts):
-                        return number, known
-                    known = keep(on_walls[n:n + q], ring[:q], walls, rings, impacts, seeds, 1,
-                                 known)
+                if close_ring(on_walls[n:n + q], ring[:q], REACH, model):
+                    rings, known = keep(on_walls[n:n + q], ring[:q], 1, rings, known)
             n += 1
-    return end, known
+    return rings.seeds[:old] - before, slice_of(rings, old, known)
 
 
 @kernel
-def splice(i: int, whole: int, walls: IntArray, rings: FloatArray, impacts: IntArray,
-           seeds: IntArray, known: int, model: Model) -> int:
-    """Close orbit i followed by another, from where they are nearest on; return the known."""
-    longest = rings.shape[1]
-    ring, carried = np.zeros((longest, 2)), np.zeros((longest, 8))
-    on_walls = np.zeros(longest, np.int64)
-    for j in range(i, whole):
-        q = impacts[i] + impacts[j]
-        if q > longest:
-            continue
-        here, there, nearest = -1, -1, SPLICED
-        for k in range(impacts[i]):
-            for n in range(impacts[j]):
-                apart = max(abs(turn_of(rings[i, k, 0] - rings[j, n, 0])),
-                            abs(rings[i, k, 1] - rings[j, n, 1]))
-                if walls[j, n] == walls[i, k] and apart < nearest and (i != j or k < n):
-                    here, there, nearest = k, n, apart
-        if here < 0:
-            continue
-        for one in range(q):
-            row, at = (i, here + one) if one < impacts[i] else (j, there + one - impacts[i])
-            at %= impacts[row]
-            on_walls[one] = walls[row, at]
-            ring[one] = rings[row, at]
-        if close_ring(on_walls[:q], ring[:q], carried, REACH, model):
-            known = keep(on_walls[:q], ring[:q], walls, rings, impacts, seeds, 1, known)
-    return known
+def join(rings: Rings, seeds: IntArray, new: Rings) -> Rings:
+    """Add seeds of the first rings, and rings that may be there."""
+    rings, known = slice_of(rings, 0, len(rings.impacts)), len(rings.impacts)
+    rings.seeds[:len(seeds)] += seeds
+    for i in range(len(new.impacts)):
+        q = new.impacts[i]
+        rings, known = keep(new.walls[i, :q], new.points[i, :q], new.seeds[i], rings, known)
+    return slice_of(rings, 0, known)
 
 
 @kernel
-def find_ring(wall: int, point: FloatArray, q: int, near: float, least: int, walls: IntArray,
-              rings: FloatArray, impacts: IntArray, seeds: IntArray, known: int) -> int:
+def splice(rings: Rings, model: Model) -> Rings:
+    """Add what two orbits lead to, one after the other from where they are nearest on."""
+    # This finds orbits that few trajectories approach.
+    known, longest = len(rings.impacts), rings.walls.shape[1]
+    whole = min(known, PARTS)
+    ring, on_walls = np.zeros((longest, 2)), np.zeros(longest, np.int64)
+    for i in range(whole):
+        for j in range(i, whole):
+            p, q = rings.impacts[i], rings.impacts[i] + rings.impacts[j]
+            if q > longest:
+                continue
+            here, there, nearest = -1, -1, SPLICED
+            for k in range(p):
+                for n in range(q - p):
+                    apart = max(abs(turn_of(rings.points[i, k, 0] - rings.points[j, n, 0])),
+                                abs(rings.points[i, k, 1] - rings.points[j, n, 1]))
+                    if (rings.walls[j, n] == rings.walls[i, k] and apart < nearest
+                            and (i != j or k < n)):
+                        here, there, nearest = k, n, apart
+            if here < 0:
+                continue
+            for one in range(q):
+                row, at = (i, here + one) if one < p else (j, there + one - p)
+                at %= rings.impacts[row]
+                on_walls[one], ring[one] = rings.walls[row, at], rings.points[row, at]
+            if close_ring(on_walls[:q], ring[:q], REACH, model):
+                rings, known = keep(on_walls[:q], ring[:q], 1, rings, known)
+    return slice_of(rings, 0, known)
+
+
+@kernel
+def find_ring(wall: int, point: FloatArray, q: int, near: float, least: int, rings: Rings,
+              known: int) -> int:
     """Return the orbit of q impacts, or a part of q, that has a point; -1 for none."""
     # Of those to which at least the `least` seeds have led.
     for i in range(known):
-        if seeds[i] >= least and q % impacts[i] == 0:
-            for k in range(impacts[i]):
-                if is_at(wall, point, walls[i, k], rings[i, k], near):
+        if rings.seeds[i] >= least and q % rings.impacts[i] == 0:
+            for k in range(rings.impacts[i]):
+                if is_at(wall, point, rings.walls[i, k], rings.points[i, k], near):
                     return i
     return -1
 
 
 @kernel
-def keep(on_walls: IntArray, ring: FloatArray, walls: IntArray, rings: FloatArray,
-         impacts: IntArray, seeds: IntArray, count: int, known: int) -> int:
-    """Count seeds of a closed sequence, of a new one where it is; return how many there are."""
+def keep(on_walls: IntArray, ring: FloatArray, count: int, rings: Rings, known: int
+         ) -> tuple[Rings, int]:
+    """Count seeds of a closed sequence, of a new one where it is; return all, and how many."""
     q = len(on_walls)
     for k in range(q):
         if abs(ring[k, 1]) < SLOWEST:
-            return known
+            return rings, known
     for p in range(1, q):
         # Of a sequence that goes round twice, half is found, too.
         if q % p == 0 and is_at(on_walls[p], ring[p], on_walls[0], ring[0], SAME):
-            return known
-    i = find_ring(on_walls[0], ring[0], q, SAME, 0, walls, rings, impacts, seeds, known)
+            return rings, known
+    i = find_ring(on_walls[0], ring[0], q, SAME, 0, rings, known)
     if i >= 0:
-        seeds[i] += count
-        return known
-    impacts[known], seeds[known] = q, count
-    walls[known, :q], rings[known, :q] = on_walls, ring
-    return known + 1
+        rings.seeds[i] += count
+        return rings, known
+    if known == len(rings.impacts):
+        rings = slice_of(rings, 0, known + ROOM)
+    rings.impacts[known], rings.seeds[known] = q, count
+    rings.walls[known, :q], rings.points[known, :q] = on_walls, ring
+    return rings, known + 1
+
+
+@kernel
+def slice_of(rings: Rings, first: int, end: int) -> Rings:
+    """Copy some rings, with room for those that there are not yet."""
+    n, q, old = end - first, rings.walls.shape[1], min(end, len(rings.impacts))
+    copy = Rings(np.zeros((n, q), np.int64), np.zeros((n, q, 2)), np.zeros(n, np.int64),
+                 np.zeros(n, np.int64))
+    copy.walls[:old - first], copy.points[:old - first] = (
+        rings.walls[first:old], rings.points[first:old])
+    copy.impacts[:old - first], copy.seeds[:old - first] = (
+        rings.impacts[first:old], rings.seeds[first:old])
+    return copy
 
 
 @kernel

@@ -15,15 +15,13 @@
 """Periodic orbits, stable or not: closed by Newton's method, described, named."""
 
 import dataclasses
-import functools
 import math
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from .impact_map import shoot
-from .newton import close_ring, CLOSED
+from .impact_map import close_ring, CLOSED, shoot
 from .section import distances
 from ..arrays import FloatArray, RecordArray
 from ..flight.closed_form import NO_WALL
@@ -120,16 +118,23 @@ class Orbit:
 class Shot:
     """One round of a closed sequence of q impacts."""
 
-    defects: FloatArray  # how far it is from closing [rad, 1], shape (2 q,)
-    jacobian: FloatArray  # their derivatives by the points, and in the last column by alpha
+    defects: FloatArray  # how far it is from closing [rad, 1], shape (q, 2)
+    slopes: FloatArray  # of each impact by the one before, and by alpha, shape (q, 2, 3)
     times: FloatArray  # flight time from each impact to the next [1]
 
-    @functools.cached_property
+    @property
     def blocks(self) -> FloatArray:
         """Return the derivative of each impact by the one before, shape (q, 2, 2)."""
+        return self.slopes[:, :, :2]
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """Return the derivatives of all defects by the points, and in the last column by alpha."""
         q = len(self.times)
-        blocks = np.stack([self.jacobian[2 * k:2 * k + 2, 2 * k:2 * k + 2] for k in range(q)])
-        return blocks + np.eye(2) if q == 1 else blocks
+        k, whole = np.arange(q), np.zeros((q, 2, q, 2))
+        whole[k, :, k] = self.blocks
+        whole[k, :, (k + 1) % q] -= np.eye(2)
+        return np.column_stack([whole.reshape(2 * q, 2 * q), self.slopes[:, :, 2].ravel()])
 
     def derivative(self, first: int = 0) -> FloatArray:
         """Return the derivative of the whole round from one of its points, shape (2, 2)."""
@@ -141,8 +146,8 @@ class Shot:
 
 def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters) -> Shot | None:
     """Map a closed sequence of impacts on; None where a flight sticks or ends at another wall."""
-    closed, *shot = shoot(walls, points, parameters.model)
-    return Shot(*shot) if closed else None
+    closed, defects, slopes, times = shoot(walls, points, parameters.model)
+    return Shot(defects, slopes.reshape(-1, 2, 3), times) if closed else None
 
 
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,
@@ -151,7 +156,7 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Pa
     # None where there is none, or a point would have to move farther than `reach` [1].
     walls = np.ascontiguousarray(walls, np.int64)
     x = np.array(points, np.float64).reshape(len(walls), 2)
-    if not close_ring(walls, x, np.zeros((len(walls), 8)), reach, parameters.model):
+    if not close_ring(walls, x, reach, parameters.model):
         return None
     q = _least_period(walls, x)
     return orbit_at(walls[:q], x[:q], parameters)
@@ -171,14 +176,13 @@ def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -
     """Solve ``jacobian z = defects``, ``row z = right``: changes of the points and of alpha."""
     # Each impact depends on the one before alone, so all are expressed by the first, which leaves
     # three equations however long the orbit is. Raises LinAlgError where they are singular.
-    q = len(defects) // 2
+    q, defects = len(shot.times), defects.reshape(-1, 2)
     # Impact k is carried[k] times (first phase, first velocity, alpha, 1).
     carried = np.zeros((q + 1, 2, 4))
     carried[0, 0, 0] = carried[0, 1, 1] = 1.0
     for k in range(q):
         carried[k + 1] = shot.blocks[k] @ carried[k]
-        carried[k + 1, :, 2] += shot.jacobian[2 * k:2 * k + 2, -1]
-        carried[k + 1, :, 3] -= defects[2 * k:2 * k + 2]
+        carried[k + 1, :, 2:] += np.column_stack([shot.slopes[k, :, 2], -defects[k]])
     system = np.zeros((3, 4))
     system[:2] = carried[q] - carried[0]
     system[2] = np.einsum('i,ij->j', row[:-1], carried[:q].reshape(2 * q, 4))
