@@ -155,7 +155,8 @@ def add_views(parser: Parser) -> None:
                        help='of an orbit diagram the velocity, the exponent or both; of the '
                        'section of one trajectory its impacts in turn')
     group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark amplitudes, or '
-                       'the window of a magnification: two phases and two velocities')
+                       'the window of a magnification: two phases and two velocities, or on a '
+                       'strobe two displacements first')
     group.add_argument('--transitions', type=Path, metavar='STORE.zarr', help='mark in a diagram '
                        'what the tool transitions has found')
 

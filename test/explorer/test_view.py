@@ -39,7 +39,7 @@ def test_command_computes_the_very_window(
     assert TOOLS[words[0]].main(words[1:]) == 0
     dataset = open_dataset(tmp_path / 'a.zarr')
     plane = view.plane(8)
-    assert np.array_equal(dataset['phase'].values, plane.phase_values())
+    assert np.array_equal(dataset['phase'].values, plane.across_values())
     assert np.array_equal(dataset['velocity'].values, plane.velocity_values())
     for name in ('alpha', 'beta', 'gamma', 'restitution'):
         assert dataset.attrs[name] == getattr(view.parameters, name)
@@ -54,7 +54,7 @@ def test_cells_stay_different_numbers_to_the_very_depth() -> None:
                     velocity=(1.5, 1.5 + NARROWEST))
         cells = min(FINE, view.finest())
         plane = view.plane(cells)
-        for values in (plane.phase_values(), plane.velocity_values()):
+        for values in (plane.across_values(), plane.velocity_values()):
             steps = np.diff(values) / np.array([math.ulp(value) for value in values[1:]])
             assert np.all(steps >= 4.0)
         assert 'float64 ends here' in view.limit()

@@ -258,10 +258,11 @@ def test_a_bad_plane_is_one_line(start: Callable) -> None:
 def test_where_areas_are_preserved_all_is_unsettled_and_explained() -> None:
     """Without a search, and without following anything."""
     parameters = Parameters(0.1, 0.0, 0.0, 1.0)
-    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size) for size in (50, 400)]
-    settings = Settings((50, 400), True, 0.0, 1.0, 10_000_000, 1, 0)
-    shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, on_walls=True,
-                       cap=settings.cap, threads=1, is_dropped=lambda: False))
+    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size, kind='section')
+              for size in (50, 400)]
+    settings = Settings((50, 400), planes[0], 1.0, 10_000_000, 1, 0)
+    shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, cap=settings.cap,
+                       threads=1, is_dropped=lambda: False))
     assert [basins.plane for basins in shown] == planes
     for basins in shown:
         picture = picture_of(
