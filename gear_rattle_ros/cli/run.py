@@ -90,11 +90,11 @@ class Command:
         study = getattr(module, self.name)
         takes = inspect.signature(study).parameters
         keywords = {name: tuple(value) if isinstance(value, list) else value
-                    for name, value in vars(given).items() if name in takes}
+                    for name, value in vars(given).items() if name in takes} | {'plane': plane}
         if 'alphas' in takes:
             keywords['alphas'] = tuple(given.alpha)
         store = study.compute(
-            model_of(given), plane=plane, **keywords | self.keywords(given), store=output,
+            model_of(given), **keywords | self.keywords(given), store=output,
             resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
