@@ -227,7 +227,7 @@ def test_every_dataset_describes_itself(tmp_path, tool):
     attributes = dataset.attrs
     assert (attributes['tool'], attributes['beta'], attributes['seed']) == (tool, 0.11, 1)
     for name in ('alpha', 'gamma', 'restitution', 'phase_window',
-                     'plane' if tool == 'stability' else 'displacement',
+                 'plane' if tool == 'stability' else 'displacement',
                  'velocity_window', 'tolerance', 'hold', 'initial_conditions', 'created', 'title'):
         assert name in attributes
     assert attributes['command'] == shlex.join(['gear_rattle', tool, *options])
