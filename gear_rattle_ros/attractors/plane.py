@@ -119,7 +119,7 @@ class Plane:
     def words(self) -> str:
         if self.kind == SECTION:
             return 'section'
-        return f'{"phase" if self.kind == STROBE else "s ="} {self._fixed:g}'
+        return f'{"strobe at phase" if self.kind == STROBE else "s ="} {self._fixed:g}'
 
     def across_values(self, first: int = 0, last: int | None = None) -> FloatArray:
         """Return the centres of some cells in phase [rad] or displacement [1], by default all."""

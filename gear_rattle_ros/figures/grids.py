@@ -31,7 +31,7 @@ import numpy.typing as npt
 from . import style
 from .style import add_axes, Looks, new_figure, phase_ticks, thousands
 from ..attractors.letters import numbers_of
-from ..attractors.plane import Plane, STROBE
+from ..attractors.plane import Plane, SECTION, STROBE
 from ..core.many.settling import UNSETTLED
 from ..core.words import counted
 from ..palette import ENDS, EXPONENTS, FORGOTTEN, GREY, painted, reach
@@ -181,12 +181,16 @@ def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArra
         for colour, line in (('white', 4.0), ('black', 1.8)):
             axes.add_patch(Rectangle((x0, v0), x1 - x0, v1 - v0, fill=False, edgecolor=colour,
                                      linewidth=line))
+    on_section = plane.kind == SECTION
     if plane.kind == STROBE:
         axes.set_xlabel('initial displacement [1]', fontsize=12)
     else:
-        phase_ticks(axes, plane.window, label='initial drive phase [rad]')
+        phase_ticks(axes, plane.window, label=style.PHASE_LABEL if on_section else
+                    'initial drive phase [rad]')
     axes.set_xlim(*plane.window)
-    axes.set_ylabel('initial velocity [1]', fontsize=12)
+    axes.set_ylabel(style.VELOCITY_LABEL if on_section else 'initial velocity [1]', fontsize=12)
+    if on_section:
+        style.name_walls(axes)
     if legend:
         figure.legend(handles=list(legend[:2 * ROWS]), loc='lower center', ncols=2, frameon=False,
                       fontsize=11, borderaxespad=0.1)

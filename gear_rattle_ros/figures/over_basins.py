@@ -135,9 +135,6 @@ def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         f'largest discs in the basins, {plane.words}')
     figure, axes = over_basins(dataset, dataclasses.replace(looks, title=title), 0.45,
                                erodes * (2 * EROSION + BOTTOM + 20))
-    if on_section:
-        axes.set(xlabel=style.PHASE_LABEL, ylabel=style.VELOCITY_LABEL)
-        style.name_walls(axes)
     colours, _ = colours_and_names(dataset, looks)
     colours = ENDS | colours
     for k, label in enumerate(dataset['attractor_label'].values.tolist()):
