@@ -74,6 +74,15 @@ def dataset():
                      initial_conditions=500, hold=20_000, to=0.52, threads=1)
 
 
+def test_random_initial_conditions_are_of_the_plane_of_the_grid(dataset):
+    """Their shares are those of the cells, within four errors of both."""
+    for label, share in zip(dataset['attractor_label'].values, dataset['attractor_share'].values,
+                            strict=True):
+        cells = np.mean(dataset['label'].values == label)
+        error = math.sqrt(cells * (1.0 - cells) * (1.0 / 500 + 1.0 / 2000))
+        assert share == pytest.approx(cells, abs=4.0 * error)
+
+
 def test_a_jump_of_alpha_leads_the_simulator_where_it_says(dataset):
     """From B at 0.48 to 0.52 at 40 of the moments: the retuned simulator is on what is named."""
     letters = dataset['attractor_letter'].values.tolist()
