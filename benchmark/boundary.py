@@ -88,7 +88,7 @@ def pynamicalsys() -> Iterator[Row]:
         return
     grid = Grid(CELLS)
     labels = grid.ours().labels.reshape(CELLS, CELLS)
-    x, y = np.meshgrid(grid.plane.phase_values(), grid.plane.velocity_values())
+    x, y = np.meshgrid(grid.plane.across_values(), grid.plane.velocity_values())
     ours = OneAtATime(grid)
     begin = time.process_time()
     sizes, shares = BasinMetrics(labels.astype(np.float64)).uncertainty_fraction_mapping(

@@ -102,7 +102,7 @@ def glance(parameters: Parameters, hints: FloatArray) -> tuple[Catalogue, float]
             float(np.max(np.abs(rows['velocity']), initial=0.0)))
 
 
-def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int, threads: int,
+def watch(seen: Catalogue, planes: Sequence[Plane], *, cap: int, threads: int,
           is_dropped: Callable[[], bool]) -> Iterator[Basins]:
     """Compute pictures, each finer than the one before."""
     parameters = seen.parameters
@@ -116,8 +116,6 @@ def watch(seen: Catalogue, planes: Sequence[Plane], *, on_walls: bool, cap: int,
 
     def level_of(plane: Plane, cap: int, sure: float = math.inf) -> Level:
         initial = plane.cells(parameters, slice(0, plane.velocities), slice(0, plane.phases))
-        if on_walls:
-            initial['displacement'] = np.where(initial['velocity'] < 0.0, -1.0, 0.0)
         seconds = next((time for most, time in TIMES if edge_of(plane) <= most), math.inf)
         return Level(initial, (plane.velocities, plane.phases), cap, seconds=seconds, sure=sure,
                      is_mixed=True)

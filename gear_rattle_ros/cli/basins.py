@@ -33,14 +33,15 @@ def _add_options(parser: Parser) -> None:
     options.add_search(parser)
     add(parser, 'zoom-levels', whole(1), 1, 'successive magnifications, each a store of its own')
     parser.add_argument('--zoom-at', type=number, nargs=2, default=[None, None],
-                        metavar=('PHASE', 'VELOCITY'), help='point that stays where it is')
+                        metavar=('PHASE', 'VELOCITY'), help='point that stays where it is; on a '
+                        'strobe its displacement and velocity')
     add(parser, 'zoom-factor', number, 10.0, 'how many times smaller each window is')
 
 
 def _planes(given: argparse.Namespace) -> 'list[Plane]':
     from ..studies.basins import magnifications
-    phase, velocity = given.zoom_at
-    return magnifications(options.plane_of(given), given.zoom_levels, phase, velocity,
+    across, velocity = given.zoom_at
+    return magnifications(options.plane_of(given), given.zoom_levels, across, velocity,
                           given.zoom_factor)
 
 

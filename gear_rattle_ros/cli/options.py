@@ -82,17 +82,24 @@ def add_model(parser: Parser, alpha: float | tuple[float, float] | None = defaul
     add_gears(parser, number)
 
 
-def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0) -> None:
+def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0,
+              plane: str = 'displacement') -> None:
     """Add the options of the plane of initial conditions; --size only where it has a default."""
     group = parser.add_argument_group('initial conditions')
-    add(group, 'displacement', number, displacement,
-        'displacement of all initial conditions [1], -1 to 0')
-    add(group, 'phase', number, (0.0, 2.0 * math.pi), 'window of the drive phase [rad]',
-        shown='0 2pi')
+    group.add_argument('--plane', choices=('section', 'displacement', 'strobe'), default=plane,
+                       help='impacts, each on the wall that it moves towards; all at one '
+                       f'displacement; or all at one drive phase; {plane} by default')
+    # A list is what was typed.
+    group.add_argument('--displacement', type=number, nargs='+', default=(displacement,),
+                       metavar='X', help='displacement of all initial conditions [1], -1 to 0; '
+                       f'{displacement:g} by default; of a strobe its window, -1 0 by default')
+    group.add_argument('--phase', type=number, nargs='+', default=(0.0, 2.0 * math.pi),
+                       metavar='X', help='window of the drive phase [rad]; 0 2pi by default; of '
+                       'a strobe its phase, 0 by default')
     add(group, 'velocity', number, (-2.0, 2.0), 'window of the velocity [1]')
     if size is not None:
         group.add_argument('--size', type=whole(1), nargs='+', default=[size], metavar='N',
-                           help='cells along phase and velocity, N or N M; '
+                           help='cells across and along velocity, N or N M; '
                                 f'{size} {size} by default')
 
 
@@ -118,8 +125,8 @@ def add_search(parser: Parser, *, initial_conditions: int = defaults.INITIAL_CON
         'distance within which an orbit is reached [1]')
 
 
-def add_grid(parser: Parser, cap: int, size: int = 400) -> None:
-    add_plane(parser, size=size)
+def add_grid(parser: Parser, cap: int, size: int = 400, plane: str = 'displacement') -> None:
+    add_plane(parser, size=size, plane=plane)
     add(parser, 'cap', whole(1), cap, 'impacts after which a cell is given up')
     parser.add_argument('--tile', type=whole(1), metavar='N',
                         help='cells along the edge of a tile')
@@ -144,4 +151,8 @@ def plane_of(given: argparse.Namespace) -> 'Plane':
     size = getattr(given, 'size', [1])
     if len(size) > 2:
         raise ValueError(f'--size takes one or two numbers, not {len(size)}')
-    return Plane(given.displacement, tuple(given.phase), tuple(given.velocity), size[0], size[-1])
+    windows: dict[str, Any] = {
+        name: value[0] if len(value) == 1 else tuple(value) for name in ('displacement', 'phase')
+        if isinstance(value := getattr(given, name), list) or given.plane == 'displacement'}
+    return Plane(**windows, velocity=tuple(given.velocity), phases=size[0],
+                 velocities=size[-1], kind=given.plane)

@@ -96,7 +96,7 @@ class Command:
         study = getattr(module, self.name)
         takes = inspect.signature(study).parameters
         keywords = {name: tuple(value) if isinstance(value, list) else value
-                    for name, value in vars(given).items() if name in takes}
+                    for name, value in vars(given).items() if name in takes} | {'plane': plane}
         if 'alphas' in takes:
             keywords['alphas'] = tuple(given.alpha)
         parameters = model_of(given)
@@ -106,7 +106,7 @@ class Command:
             keywords['gears'] = given.pair
             print(given.pair.describe())
         store = study.compute(
-            parameters, plane=plane, **keywords | self.keywords(given), store=output,
+            parameters, **keywords | self.keywords(given), store=output,
             resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
@@ -167,7 +167,8 @@ def add_views(parser: Parser) -> None:
                        help='of an orbit diagram the velocity, the exponent or both; of the '
                        'section of one trajectory its impacts in turn')
     group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark amplitudes, or '
-                       'the window of a magnification: two phases and two velocities')
+                       'the window of a magnification: two phases and two velocities, or on a '
+                       'strobe two displacements first')
     group.add_argument('--transitions', type=Path, metavar='STORE.zarr', help='mark in a diagram '
                        'what the tool transitions has found')
 

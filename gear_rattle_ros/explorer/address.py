@@ -21,10 +21,10 @@ from urllib.parse import urlencode
 
 from .skeleton import LAYERS as NAMES
 from .view import VELOCITY_BOUND, View
+from ..attractors.plane import STATE, STROBE
 from ..core.model import Parameters
 
 MODEL: Final = tuple(field.name for field in dataclasses.fields(Parameters))
-WINDOWS: Final = ('phase', 'velocity')
 POINT: Final = 'point'
 BESIDE: Final = 'beside'
 LAYERS: Final = 'layers'
@@ -35,7 +35,7 @@ class Shown:
     """What a page shows."""
 
     view: View
-    point: tuple[float, float]  # phase and velocity of the trajectory that is shown [rad, 1]
+    point: tuple[float, float]  # in the plane, of the trajectory that is shown [rad or 1, 1]
     beside: float | None = None  # alpha of a second plane, if there is one [1]
     layers: tuple[str, ...] = ()
 
@@ -55,8 +55,9 @@ class Shown:
         """Write it as the query of an address."""
         view = self.view
         words = {name: repr(getattr(view.parameters, name)) for name in MODEL}
-        words |= {'displacement': repr(view.displacement), 'kind': view.kind}
-        words |= {name: _pair(getattr(view, name)) for name in WINDOWS}
+        words |= {'kind': view.kind, 'plane': view.on}
+        words |= {name: _pair(value) if isinstance(value, tuple) else repr(value)
+                  for name in STATE if (value := getattr(view, name)) is not None}
         words[POINT] = _pair(self.point)
         if self.beside is not None:
             words[BESIDE] = repr(self.beside)
@@ -68,12 +69,13 @@ class Shown:
         """Return the state with what a query gives; `ValueError` names what it does not take."""
         words = {name: values[-1].decode(errors='replace') for name, values in query.items()}
         model = {name: _number(name, words[name]) for name in MODEL if name in words}
-        changes: dict[str, Any] = {
-            name: _numbers(name, words[name]) for name in WINDOWS if name in words}
-        if 'displacement' in words:
-            changes['displacement'] = _number('displacement', words['displacement'])
-        if 'kind' in words:
-            changes['kind'] = words['kind']
+        changes: dict[str, Any] = {'kind': words['kind']} if 'kind' in words else {}
+        on = words.get('plane', self.view.on)
+        if on != self.view.on:
+            changes |= {'on': on, 'displacement': None, 'phase': None}
+        single = 'phase' if on == STROBE else 'displacement'
+        changes |= {name: (_number if name == single else _numbers)(name, words[name])
+                    for name in STATE if name in words}
         parameters = dataclasses.replace(self.view.parameters, **model)
         view = dataclasses.replace(self.view, parameters=parameters, **changes)
         return Shown(view, _numbers(POINT, words[POINT]) if POINT in words else self.point,
@@ -82,11 +84,12 @@ class Shown:
 
 
 def changed(view: View, name: str, value: float) -> View:
-    """Return a view with another parameter of the model, or another displacement."""
+    """Return a view with another parameter of the model, or of another plane of its kind."""
     if name in MODEL:
         return dataclasses.replace(
             view, parameters=dataclasses.replace(view.parameters, **{name: value}))
-    return dataclasses.replace(view, displacement=value)
+    fixed: dict[str, Any] = {name: value}
+    return dataclasses.replace(view, **fixed)
 
 
 def _pair(values: tuple[float, float]) -> str:

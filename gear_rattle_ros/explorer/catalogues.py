@@ -22,12 +22,10 @@ from typing import Final
 
 import numpy as np
 
-from .view import DRAWN, HOLD, LIFETIMES, View
+from .view import BASINS, DRAWN, HOLD, LIFETIMES, View
 from ..attractors.catalogue import Catalogue
 from ..attractors.finding import find_attractors
-from ..attractors.plane import Plane
 from ..core.many.settling import UNSETTLED
-from ..core.model import Parameters
 
 # Initial conditions of the quick search, and the impacts for which they are followed.
 QUICK_DRAWN: Final = 200
@@ -38,7 +36,7 @@ KEPT: Final = 256
 # Interval at which a caller that waits for a search checks whether it is still wanted [s].
 GLANCE: Final = 0.02
 
-Key = tuple[Parameters, float, bool]
+Key = tuple[View, bool]
 
 
 class GivenUp(Exception):
@@ -54,7 +52,7 @@ class Known:
 
 
 class Catalogues:
-    """Searches, remembered by parameters and displacement; shared by all pages."""
+    """Searches, remembered by parameters and plane; shared by all pages."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[Key, Known] = OrderedDict()
@@ -129,9 +127,9 @@ class Catalogues:
 
 
 def _key(view: View) -> Key:
-    return view.parameters, view.displacement, view.kind == LIFETIMES
+    return view.whole(BASINS), view.kind == LIFETIMES
 
 
 def _random(view: View, count: int) -> np.ndarray:
     # From the whole plane, so that panning and zooming do not change what is known.
-    return Plane(view.displacement).draw(view.parameters, count, SEED)
+    return view.plane(1).whole().draw(view.parameters, count, SEED)

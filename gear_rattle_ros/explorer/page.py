@@ -36,7 +36,7 @@ from bokeh.models import (
     Toggle,
 )
 
-from .address import changed, Shown
+from .address import changed, MODEL, Shown
 from .catalogues import Catalogues
 from .painting import Colours
 from .pane import Pane
@@ -46,7 +46,8 @@ from .simulator_link import SimulatorLink
 from .skeleton import LAYERS
 from .trajectory import follow, Trajectory
 from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
-from .view import KINDS, View
+from .view import KINDS
+from ..attractors.plane import PLANES, TWO_PI, Window
 from ..core.words import counted
 
 TITLE = 'Gear rattle explorer'
@@ -56,7 +57,8 @@ FIRST_POINT = (4.0, -0.5)
 SLIDERS = (('alpha', 'α drive', 0.0, 2.0, 0.001), ('beta', 'β damping', 0.0, 1.0, 0.005),
            ('gamma', 'γ load', -0.5, 0.5, 0.005),
            ('restitution', 'r restitution', 0.0, 1.0, 0.005),
-           ('displacement', 's₀ initial', -1.0, 0.0, 0.01))
+           ('displacement', 's₀ initial', -1.0, 0.0, 0.01),
+           ('phase', 'τ₀ initial', 0.0, TWO_PI, 0.01))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,10 +73,10 @@ class Shared:
 class Page:
     """The page of one browser tab."""
 
-    def __init__(self, document: Document, shared: Shared, shown: Shown, home: View,
+    def __init__(self, document: Document, shared: Shared, shown: Shown,
                  is_open: Callable[[], bool], refused: str = '') -> None:
         self._document, self._shared, self._is_open = document, shared, is_open
-        self._shown, self._home = shown, home
+        self._shown = shown
         self._trajectory: Trajectory | None = None
         view = shown.view
         self._pane = Pane(document, PlaneFigure(view, self._move, self._click),
@@ -92,6 +94,8 @@ class Page:
         document.js_on_event(DocumentReady, write)
         self._kind = RadioButtonGroup(name='kind', labels=list(KINDS),
                                       active=KINDS.index(view.kind), width=270)
+        self._plane = RadioButtonGroup(name='plane_kind', labels=list(PLANES),
+                                       active=PLANES.index(view.on), width=250)
         self._sliders: dict[str, Slider] = {}
         self._typed: dict[str, NumericInput] = {}
         self._compare = Toggle(name='compare', label='compare', width=80,
@@ -114,7 +118,10 @@ class Page:
     def _lay_out(self) -> None:
         controls = [self._control(name, title, (low, high), step)
                     for name, title, low, high, step in SLIDERS]
+        self._fixed = dict(zip(('displacement', 'phase'), controls[4:], strict=True))
+        self._show_fixed()
         self._kind.on_change('active', lambda attr, old, new: self._ask_view(kind=KINDS[new]))
+        self._plane.on_change('active', lambda attr, old, new: self._turn(PLANES[new]))
         home = Button(name='home', label='whole plane', width=100)
         home.on_click(self._go_home)
         save = Button(name='save', label='save this view', width=110, button_type='primary')
@@ -129,7 +136,8 @@ class Page:
         left = column(row(title, self._kind, home, self._compare), self._pane.layout)
         # What gives way to the second plane.
         self._first = column(
-            row(*controls[1:3]), row(*controls[3:]), self._figures.motion,
+            row(*controls[1:3]), row(*controls[3:]),
+            row(Div(text='initial conditions', width=110), self._plane), self._figures.motion,
             row(self._figures.section, self._figures.sequence))
         self._other = self._control('beside', 'α of the second plane', (0.0, 2.0), 0.001)
         self._second = column(self._other, visible=False)
@@ -157,7 +165,10 @@ class Page:
         view, beside = self._shown.view, self._shown.beside
         if name == 'beside':
             return view.parameters.alpha if beside is None else beside
-        return float(getattr(view if name == 'displacement' else view.parameters, name))
+        if name in MODEL:
+            return float(getattr(view.parameters, name))
+        value = getattr(view, name)
+        return value if isinstance(value, float) else 0.0
 
     def _show(self, shown: Shown) -> None:
         """Show something else, as far as it differs; the address follows."""
@@ -188,6 +199,9 @@ class Page:
             elif self._ask(lambda: dataclasses.replace(
                     shown, view=changed(shown.view, name, wanted))):
                 self._click(*self._shown.point)
+        self._match(name)
+
+    def _match(self, name: str) -> None:
         value, slider = self._value(name), self._sliders[name]
         # Their own callbacks then find nothing new.
         slider.update(start=min(slider.start, value), end=max(slider.end, value), value=value)
@@ -218,23 +232,42 @@ class Page:
             self._second.children = [self._other, self._beside.layout]
         self._beside.ask(view, shown.point, shown.layers)
 
-    def _move(self, phase: tuple[float, float], velocity: tuple[float, float]) -> None:
-        self._ask_view(phase=phase, velocity=velocity)
+    def _turn(self, on: str) -> None:
+        """Show another plane, through the initial condition of the trajectory."""
+        view = self._shown.view
+        view, point = view.turned(on, view.state(*self._shown.point))
+        self._show(dataclasses.replace(self._shown, view=view, point=point))
+        self._pane.plane.lay(view)
+        self._pane.plane.go_to(view.window, view.velocity)
+        self._show_fixed()
+        self._click(*point)
+
+    def _show_fixed(self) -> None:
+        for name, control in self._fixed.items():
+            control.visible = isinstance(getattr(self._shown.view, name), float)
+            self._match(name)
+
+    def _move(self, across: Window, velocity: Window) -> None:
+        self._ask(lambda: dataclasses.replace(
+            self._shown, view=self._shown.view.moved(across, velocity)))
 
     def _go_home(self) -> None:
-        self._pane.plane.go_to(self._home.phase, self._home.velocity)
-        self._move(self._home.phase, self._home.velocity)
+        view = self._shown.view.whole(self._shown.view.kind)
+        self._pane.plane.go_to(view.window, view.velocity)
+        self._move(view.window, view.velocity)
 
-    def _click(self, phase: float, velocity: float) -> None:
+    def _click(self, across: float, velocity: float) -> None:
         view = self._shown.view
         for pane in filter(None, (self._pane, self._beside)):
-            pane.plane.mark(phase, velocity)
+            pane.plane.mark(across, velocity)
         try:
-            self._trajectory = follow(view.parameters, phase, view.displacement, velocity)
+            state = view.state(across, velocity)
+            self._trajectory = follow(
+                view.parameters, state.phase, state.displacement, state.velocity)
         except ValueError as error:
             self._report(str(error), False)
             return
-        self._show(dataclasses.replace(self._shown, point=(phase, velocity)))
+        self._show(dataclasses.replace(self._shown, point=(across, velocity)))
         self._figures.show(self._trajectory)
         self._figures.motion.title.text = self._words(self._trajectory)
 

@@ -30,6 +30,7 @@ from .plane_figure import HEIGHT, PlaneFigure, WIDTH
 from .skeleton import Asked, Layers, Skeleton
 from .view import BASINS, View
 from .worker import Worker
+from ..attractors.plane import STROBE
 
 # Height of what there is to say about layers, for which the plane gives way [pixels].
 SPOKEN: Final = 60
@@ -68,8 +69,7 @@ class Pane:
             if self._drawn:
                 self.plane.show_layers(self._drawn, view)
         # Layers do not depend on the window.
-        whole = View(view.parameters, view.displacement, kind=BASINS)
-        asked = Asked(whole, point if layers else (0.0, 0.0), layers)
+        asked = Asked(view.whole(BASINS), point if layers else (0.0, 0.0), layers)
         if asked != self._asked:
             self._asked = asked
             self._layers.visible = bool(layers)
@@ -104,10 +104,10 @@ class Pane:
         self.plane.show(picture, self.colours)
         self._legend.text = legend(picture, self.colours)
         view = picture.view
-        limit = view.limit()
+        limit, unit = view.limit(), '[1]' if view.on == STROBE else 'rad'
         done = '' if picture.done == 1.0 else f' ({picture.done:.0%})'
         more = '' if picture.is_last else ', refining'
         text = (f'{picture.cells} × {picture.cells}{done}{more}, {picture.seconds:.2f} s; window '
-                f'{view.phase[1] - view.phase[0]:.3g} rad × '
+                f'{view.window[1] - view.window[0]:.3g} {unit} × '
                 f'{view.velocity[1] - view.velocity[0]:.3g}')
         self._status.text = f'<b style="color:#b22e18">{limit}</b>' if limit else text

@@ -29,10 +29,9 @@ from .computing import Picture
 from .painting import Colours, paint
 from .skeleton import Layers, LONGEST, places
 from .view import NARROWEST, PHASE_BOUND, VELOCITY_BOUND, View
-from ..attractors.plane import TWO_PI
+from ..attractors.plane import STROBE, TWO_PI, Window
 from ..palette import AMBER, MARK, STABLE, UNSTABLE
 
-Window = tuple[float, float]
 WIDTH = 618
 HEIGHT = 590
 # Stands for an unknown exponent, for which the browser would write NaN [1].
@@ -42,7 +41,7 @@ PALE = 0.45
 TIP = """
 <div style="font:12px system-ui,sans-serif;padding:1px 3px">
 <b>@label{custom}</b><br>lifetime @lifetime{custom} impacts@exponent{custom}<br>
-phase $x{custom} rad, velocity $y{custom}</div>
+ACROSS, velocity $y{custom}</div>
 """
 NAME_TIP: Final = '<div style="font:12px system-ui,sans-serif;padding:1px 3px">@name</div>'
 COLUMNS: Final = {
@@ -61,8 +60,7 @@ class PlaneFigure:
                  name: str = '') -> None:
         # `along` is a plane whose window this one shares, `name` an ending of all names.
         x_range, y_range = (along.x_range, along.y_range) if along else (
-            Range1d(*view.phase, bounds=(-PHASE_BOUND, PHASE_BOUND), min_interval=NARROWEST,
-                    max_interval=TWO_PI),
+            Range1d(*view.window, min_interval=NARROWEST),
             Range1d(*view.velocity, bounds=(-VELOCITY_BOUND, VELOCITY_BOUND),
                     min_interval=NARROWEST))
         self.source = ColumnDataSource(name=f'picture{name}', data={
@@ -78,11 +76,9 @@ class PlaneFigure:
         plot = self.figure
         plot.toolbar.logo = None
         plot.axis.axis_label_text_font_style = 'normal'
-        plot.xaxis.axis_label = 'initial drive phase τ [rad]'
         plot.yaxis.axis_label = "initial velocity s' [1]"
-        for axis, range_ in ((plot.xaxis, x_range), (plot.yaxis, y_range)):
-            axis.ticker = ticker(range_, is_phase=range_ is x_range)
-            axis.formatter = formatter(range_, is_phase=range_ is x_range)
+        plot.yaxis.ticker = ticker(y_range, is_phase=False)
+        plot.yaxis.formatter = formatter(y_range, is_phase=False)
         plot.grid.visible = False
         plot.background_fill_color = '#f2f2f2'
         self._image = image = plot.image_rgba(image='image', x='x', y='y', dw='dw', dh='dh',
@@ -91,7 +87,7 @@ class PlaneFigure:
         for size, colour, width in ((15, 'black', 4), (15, 'white', 2)):
             plot.scatter('x', 'y', source=self._point, size=size, marker='cross',
                          line_color=colour, line_width=width)
-        plot.add_tools(models.HoverTool(renderers=[image], tooltips=TIP, formatters={
+        self._hover = models.HoverTool(renderers=[image], formatters={
             '@label': CustomJSHover(args={'names': self._names}, code="""
                 const at = names.data.label.indexOf(value);
                 return at < 0 ? '' : names.data.name[at];"""),
@@ -100,12 +96,25 @@ class PlaneFigure:
                 if (value >= none) return '';
                 return ', exponent ' + (value <= -none ? '\u2212\u221e'
                     : value.toFixed(3).replace('-', '\u2212'));"""),
-            '$x': read_out(x_range), '$y': read_out(y_range)}))
+            '$x': read_out(x_range), '$y': read_out(y_range)})
+        plot.add_tools(self._hover)
+        self.lay(view)
         self._moved, self._is_moving = moved, False
         for range_ in () if along else (x_range, y_range):
             for end in ('start', 'end'):
                 range_.on_change(end, self._note)
         plot.on_event(Tap, lambda event: clicked(event.x, event.y))
+
+    def lay(self, view: View) -> None:
+        """Lay the axis of the phase, or of the displacement, as the plane of a view has it."""
+        is_phase, axis, range_ = view.on != STROBE, self.figure.xaxis, self.figure.x_range
+        range_.update(start=view.window[0], end=view.window[1])
+        range_.update(bounds=(-PHASE_BOUND, PHASE_BOUND) if is_phase else (-1.0, 0.0),
+                      max_interval=TWO_PI if is_phase else 1.0)
+        axis.axis_label = f'initial {"drive phase τ [rad]" if is_phase else "displacement s [1]"}'
+        axis.ticker, axis.formatter = ticker(range_, is_phase), formatter(range_, is_phase)
+        self._hover.tooltips = TIP.replace('ACROSS', 'phase $x{custom} rad' if is_phase else
+                                           'displacement $x{custom}')
 
     def _note(self, attr: str, old: float, new: float) -> None:
         # Both ends of both ranges change one by one; Bokeh's event would wait for the wheel.
@@ -115,8 +124,8 @@ class PlaneFigure:
 
     def _move(self) -> None:
         self._is_moving = False
-        phase, velocity = self.figure.x_range, self.figure.y_range
-        self._moved((phase.start, phase.end), (velocity.start, velocity.end))
+        across, velocity = self.figure.x_range, self.figure.y_range
+        self._moved((across.start, across.end), (velocity.start, velocity.end))
 
     def show(self, picture: Picture, colours: Colours) -> None:
         """Draw a picture in the window for which it was computed."""
@@ -130,20 +139,20 @@ class PlaneFigure:
         self.source.data = {
             'image': [pixels.view('uint32').reshape(pixels.shape[:2])],
             'label': [picture.labels], 'lifetime': [picture.lifetimes], 'exponent': [exponents],
-            'x': [view.phase[0]], 'y': [view.velocity[0]],
-            'dw': [view.phase[1] - view.phase[0]], 'dh': [view.velocity[1] - view.velocity[0]]}
+            'x': [view.window[0]], 'y': [view.velocity[0]],
+            'dw': [view.window[1] - view.window[0]], 'dh': [view.velocity[1] - view.velocity[0]]}
 
     def show_layers(self, layers: Layers, view: View) -> None:
         """Draw layers over a view, whose picture becomes pale."""
         self._image.glyph.global_alpha = PALE if layers.asked.names else 1.0
-        self._layers.show(layers, view.phase)
+        self._layers.show(layers, view.window)
 
-    def mark(self, phase: float, velocity: float) -> None:
+    def mark(self, across: float, velocity: float) -> None:
         """Mark the point whose trajectory is shown."""
-        self._point.data = {'x': [phase], 'y': [velocity]}
+        self._point.data = {'x': [across], 'y': [velocity]}
 
-    def go_to(self, phase: Window, velocity: Window) -> None:
-        self.figure.x_range.update(start=phase[0], end=phase[1])
+    def go_to(self, across: Window, velocity: Window) -> None:
+        self.figure.x_range.update(start=across[0], end=across[1])
         self.figure.y_range.update(start=velocity[0], end=velocity[1])
 
 

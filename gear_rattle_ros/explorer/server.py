@@ -70,7 +70,7 @@ def make_server(shared: Shared, view: View, port: int) -> Server:
             shown = shown.given(session.request.arguments)
         except ValueError as error:
             refused = str(error)
-        page = Page(document, shared, shown, view, is_open, refused)
+        page = Page(document, shared, shown, is_open, refused)
         document.on_session_destroyed(lambda context: page.close())
 
     return Server(
@@ -109,8 +109,8 @@ def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
         for _ in itertools.islice(pictures(
                 Catalogues(), dataclasses.replace(view, kind=EXPONENTS), lambda: None), 1):
             pass
-        phase, velocity = FIRST_POINT
-        follow(view.parameters, phase, view.displacement, velocity)
+        state = view.state(*FIRST_POINT)
+        follow(view.parameters, state.phase, state.displacement, state.velocity)
     server.start()
     threading.Thread(target=warm_up_layers, args=(shared.catalogues, view), daemon=True).start()
     address = f'http://{ADDRESS}:{server.port}/'

@@ -29,10 +29,10 @@ from .computing import SETTLED_AFTER
 from .view import CAP, View
 from ..attractors.kicks import Kick, smallest_kick, STEPS
 from ..attractors.orbits import find_orbits
+from ..attractors.plane import SECTION
 from ..attractors.saddles import Straddling
 from ..core.arrays import FloatArray, IntArray
 from ..core.flight.elementary import TWO_PI
-from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import UNSETTLED
 from ..core.orbits.curves import Curve, sides_of
 from ..core.orbits.listing import OrbitList
@@ -88,9 +88,11 @@ class Layers(NamedTuple):
 
 def places(view: View, walls: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return where impacts lie on a plane, just before and just after; nan off its wall."""
-    before = np.where((walls == -view.displacement)[:, None], points, math.nan)
+    before = np.where(view.plane(1).holds(walls)[:, None], points, math.nan)
     before[:, 0] %= TWO_PI
-    return before, before * (1.0, -view.parameters.restitution)
+    # On the section velocities are those before impacts.
+    return before, before * ((math.nan, math.nan) if view.on == SECTION else
+                             (1.0, -view.parameters.restitution))
 
 
 def nearest_saddle(asked: Asked, orbits: tuple[Orbit, ...]) -> Orbit | None:
@@ -101,7 +103,7 @@ def nearest_saddle(asked: Asked, orbits: tuple[Orbit, ...]) -> Orbit | None:
 
     return min((each for each in orbits if not each.multipliers[0].imag
                 and 0.0 < abs(each.multipliers[1]) < 1.0 < abs(each.multipliers[0])
-                and np.any(each.walls == -asked.view.displacement)), key=distance, default=None)
+                and np.any(asked.view.plane(1).holds(each.walls))), key=distance, default=None)
 
 
 class Skeleton:
@@ -117,9 +119,10 @@ class Skeleton:
     def layers(self, asked: Asked, check: Callable[[], None]) -> Iterator[Layers]:
         """Compute layers one after the other; `check` is called often, to abandon them."""
         now = Layers(asked)
-        if asked.names and asked.view.displacement not in SIDES:
+        if asked.names and not asked.view.plane(1).holds(np.arange(2)).any():
             now = now._replace(words={
-                '': 'Impacts lie on the walls: set s₀ to 0 or to −1 to see the layers.'})
+                '': 'Impacts lie on the walls: choose the section, or set s₀ to 0 or to −1, '
+                    'to see the layers.'})
         yield now
         if now.words or not asked.names:
             return
@@ -196,9 +199,10 @@ class Skeleton:
 
     def _kick(self, asked: Asked, check: Callable[[], None]) -> Iterator[Any]:
         catalogue = self._catalogues.complete(asked.view, check).catalogue
-        (label,) = catalogue.label(make_initial_conditions(
-            asked.view.parameters, np.array([asked.point[0] % TWO_PI]), asked.view.displacement,
-            asked.point[1]), CAP, check=check)['label'].tolist()
+        (label,) = catalogue.label(asked.view.plane(1).at(
+            asked.view.parameters, [asked.point[0]], [asked.point[1]]), CAP, check=check)[
+                'label'].tolist()
+        model = asked.view.parameters
         titles = {each.label: each.letter or each.key for each in catalogue.attractors}
         own = next((each for each in catalogue.attractors if each.label == label), None)
         if label == UNSETTLED or own is None:
@@ -215,11 +219,14 @@ class Skeleton:
             words = (f'smallest kick from {titles[label]} to '
                      f'{titles.get(kick.target, kick.target)}: {kick.change:+.4g} at the '
                      f'{SIDES[-float(kick.wall)]} wall, phase {kick.phase:.4f}')
-            here = int(kick.wall == -asked.view.displacement)
+            here = int(asked.view.plane(1).holds(np.array([kick.wall]))[0])
+            first, change, factor = kick.velocity_after, kick.change, model.restitution
+            if asked.view.on == SECTION:
+                # As a change of the velocity before the impact it does the same.
+                first, change = kick.velocity, change / (-factor if first and factor else 1.0)
             other = f' (set s₀ to {"−1" if kick.wall else "0"} to see it)'
             yield {KICK: words + ('' if here else other)}, {
-                'kick': np.array([kick.phase, kick.velocity_after, kick.phase,
-                                  kick.velocity_after + kick.change]).reshape(1, 4)[:here]}
+                'kick': np.array([[kick.phase, first, kick.phase, first + change]])[:here]}
 
 
 def line_of(view: View, curve: Curve) -> FloatArray:

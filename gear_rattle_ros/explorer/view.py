@@ -16,10 +16,10 @@
 
 import dataclasses
 import math
-from typing import Final
+from typing import Any, Final
 
-from ..attractors.plane import Plane, TWO_PI
-from ..core.model import Parameters
+from ..attractors.plane import DISPLACEMENT, Plane, STATE, STROBE, TWO_PI, Window
+from ..core.model import Parameters, State
 
 BASINS: Final = 'basins'
 LIFETIMES: Final = 'lifetimes'
@@ -49,13 +49,14 @@ VELOCITY_BOUND: Final = 9000.0
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """A picture of one of `KINDS` over a window of the plane [rad, 1]."""
+    """A picture of one of `KINDS` over a window of a plane [rad, 1]."""
 
     parameters: Parameters = Parameters()
-    displacement: float = 0.0
-    phase: tuple[float, float] = (0.0, TWO_PI)
-    velocity: tuple[float, float] = (-2.0, 2.0)
+    displacement: float | Window | None = None
+    phase: float | Window | None = None
+    velocity: Window = (-2.0, 2.0)
     kind: str = BASINS
+    on: str = DISPLACEMENT  # the kind of the plane
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -66,16 +67,44 @@ class View:
 
     def plane(self, cells: int) -> Plane:
         """Cut the window into cells."""
-        return Plane(self.displacement, self.phase, self.velocity, cells, cells)
+        return Plane(self.displacement, self.phase, self.velocity, cells, cells, self.on)
+
+    @property
+    def window(self) -> Window:
+        """Return its window in phase, or on a strobe in displacement."""
+        return self.plane(1).window
+
+    def moved(self, across: Window, velocity: Window) -> 'View':
+        """Return the view with another window."""
+        windows: dict[str, Any] = {self.plane(1).across: across, 'velocity': velocity}
+        return dataclasses.replace(self, **windows)
+
+    def whole(self, kind: str) -> 'View':
+        """Return a picture of the whole plane."""
+        plane = self.plane(1).whole()
+        return View(self.parameters, plane.displacement, plane.phase, plane.velocity, kind,
+                    self.on)
+
+    def state(self, across: float, velocity: float) -> State:
+        """Return the initial condition of a point."""
+        (initial,) = self.plane(1).at(self.parameters, [across], [velocity])
+        return State(0, *(float(initial[name]) for name in STATE))
+
+    def turned(self, on: str, state: State) -> tuple['View', tuple[float, float]]:
+        """Return the whole of another plane through a state, and the point of the state."""
+        fixed: dict[str, Any] = {DISPLACEMENT: {'displacement': state.displacement},
+                                 STROBE: {'phase': state.phase}}.get(on, {})
+        view = View(self.parameters, kind=self.kind, on=on, **fixed)
+        return view, (getattr(state, view.plane(1).across), state.velocity)
 
     def finest(self) -> int:
         """Return how many cells along an edge float64 can resolve in this window."""
         return min(int((high - low) / (ROUNDINGS * math.ulp(max(abs(low), abs(high)))))
-                   for low, high in (self.phase, self.velocity))
+                   for low, high in (self.window, self.velocity))
 
     def limit(self) -> str:
         """Return a line where float64 ends; nothing where there is room to zoom in."""
-        width = min(self.phase[1] - self.phase[0], self.velocity[1] - self.velocity[0])
+        width = min(self.window[1] - self.window[0], self.velocity[1] - self.velocity[0])
         # The next step of the wheel must not lead beyond.
         if width >= 1.6 * NARROWEST and self.finest() >= 1.6 * FINE:
             return ''
@@ -89,8 +118,9 @@ class View:
                  for word in (f'--{name}', repr(value))]
         own = ['--impacts', str(SPAN)] if self.kind == EXPONENTS else [
             '--cap', str(CAP), '--initial-conditions', str(DRAWN), '--hold', str(HOLD)]
-        return [self.kind, *model, '--displacement', repr(self.displacement),
-                '--phase', *map(repr, self.phase), '--velocity', *map(repr, self.velocity),
+        windows = [word for name in STATE if (value := getattr(self, name)) is not None for word in
+                   (f'--{name}', *map(repr, value if isinstance(value, tuple) else (value,)))]
+        return [self.kind, *model, '--plane', self.on, *windows,
                 '--size', str(min(FINE, self.finest())), *own, '--output', output,
                 '--picture', picture]
 

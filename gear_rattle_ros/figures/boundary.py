@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from .style import add_axes, LEFT, Looks, new_figure, write_title
+from ..attractors.plane import Plane
 from ..core.boundaries.entropy import SMOOTH
 from ..core.boundaries.uncertainty import PROBES
 from ..palette import GREY
@@ -39,8 +40,8 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     a = dataset.attrs
     figure = new_figure(WIDTH, HEIGHT, looks)
     write_title(figure, LEFT, looks.title or f'Basin boundary, alpha {a["alpha"]:g}, beta '
-                f'{a["beta"]:g}, gamma {a["gamma"]:g}, r {a["restitution"]:g}, s = '
-                f'{a["displacement"]:g}')
+                f'{a["beta"]:g}, gamma {a["gamma"]:g}, r {a["restitution"]:g}, '
+                f'{Plane.of(a).words}')
     axes = add_axes(figure, LEFT, BOTTOM, WIDE, TALL)
     sizes = dataset['distance'].values
     decided = sizes >= DECIDED

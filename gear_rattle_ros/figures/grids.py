@@ -31,6 +31,7 @@ import numpy.typing as npt
 from . import style
 from .style import add_axes, Looks, new_figure, phase_ticks, thousands
 from ..attractors.letters import numbers_of
+from ..attractors.plane import Plane, SECTION, STROBE
 from ..core.many.settling import UNSETTLED
 from ..core.words import counted
 from ..palette import ENDS, EXPONENTS, FORGOTTEN, painted, reach
@@ -169,7 +170,7 @@ def colours_and_names(dataset: 'xarray.Dataset', looks: Looks
 
 def _title(dataset: 'xarray.Dataset', title: str, looks: Looks) -> str:
     a = dataset.attrs
-    plane = f', s = {a["displacement"]:g}' if 'size' in a else ''
+    plane = f', {Plane.of(a).words}' if 'size' in a else ''
     return looks.title or (f'{title}, alpha {a["alpha"]:g}, beta {a["beta"]:g}, gamma '
                            f'{a["gamma"]:g}, r {a["restitution"]:g}{plane}')
 
@@ -208,7 +209,7 @@ def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArra
            bar: bool = False, legend: Sequence[Patch] = (), below: int = 0, **options: Any
            ) -> tuple[AxesImage, Figure]:
     # A cell is a whole number of pixels.
-    a = dataset.attrs
+    plane = Plane.of(dataset.attrs)
     height, width = (style.scaled(cells) for cells in grid.shape[:2])
     rows = min(-(-len(legend) // 2), ROWS) if len(legend) > 1 else len(legend)
     below += style.BOTTOM + ROW * rows
@@ -217,15 +218,22 @@ def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArra
     style.write_title(figure, style.LEFT, _title(dataset, title, looks))
     axes = add_axes(figure, style.LEFT, below, width, height)
     drawn = axes.imshow(grid, origin='lower', aspect='auto', interpolation='nearest',
-                        extent=(*a['phase_window'], *a['velocity_window']), **options)
+                        extent=(*plane.window, *plane.velocity), **options)
     if len(looks.mark) == 4:
-        p0, p1, v0, v1 = looks.mark
+        x0, x1, v0, v1 = looks.mark
         for colour, line in (('white', 4.0), ('black', 1.8)):
-            axes.add_patch(Rectangle((p0, v0), p1 - p0, v1 - v0, fill=False, edgecolor=colour,
+            axes.add_patch(Rectangle((x0, v0), x1 - x0, v1 - v0, fill=False, edgecolor=colour,
                                      linewidth=line))
-    phase_ticks(axes, tuple(a['phase_window']), label='initial drive phase [rad]')
-    axes.set_xlim(*a['phase_window'])
-    axes.set_ylabel('initial velocity [1]', fontsize=12)
+    on_section = plane.kind == SECTION
+    if plane.kind == STROBE:
+        axes.set_xlabel('initial displacement [1]', fontsize=12)
+    else:
+        phase_ticks(axes, plane.window, label=style.PHASE_LABEL if on_section else
+                    'initial drive phase [rad]')
+    axes.set_xlim(*plane.window)
+    axes.set_ylabel(style.VELOCITY_LABEL if on_section else 'initial velocity [1]', fontsize=12)
+    if on_section:
+        style.name_walls(axes)
     if legend:
         figure.legend(handles=list(legend[:2 * ROWS]), loc='lower center', ncols=2, frameon=False,
                       fontsize=11, borderaxespad=0.1)

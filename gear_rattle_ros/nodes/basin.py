@@ -41,7 +41,7 @@ from ..attractors.catalogue import Attractor, Catalogue, Kind, others_where
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.kicks import Kick, smallest_kick
 from ..attractors.matching import points_of, recognise, Trace
-from ..attractors.plane import Plane
+from ..attractors.plane import DISPLACEMENT, Plane, STROBE
 from ..attractors.skeleton import skeletons
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch, WHOLE_FROM
 from ..core.flight.lanes import make_initial_conditions
@@ -97,8 +97,7 @@ class Wanted:
 @dataclasses.dataclass(frozen=True)
 class Settings:
     sizes: tuple[int, ...]
-    on_walls: bool
-    displacement: float
+    plane: Plane
     velocity_limit: float
     cap: int
     threads: int
@@ -170,11 +169,11 @@ class Job(threading.Thread):
         limit = settings.velocity_limit or (
             nice_limit(ROOM * fastest, memory.limit) if fastest else memory.limit or 1.0)
         sizes = settings.sizes[:1] if self.is_coarse else settings.sizes
-        planes = [Plane(settings.displacement, velocity=(-limit, limit), phases=size,
-                        velocities=size) for size in sizes]
+        planes = [dataclasses.replace(settings.plane, velocity=(-limit, limit), phases=size,
+                                      velocities=size) for size in sizes]
         kicks: Kicks | None = None
-        for basins in watch(seen, planes, on_walls=settings.on_walls, cap=settings.cap,
-                            threads=settings.threads, is_dropped=self.dropped.is_set):
+        for basins in watch(seen, planes, cap=settings.cap, threads=settings.threads,
+                            is_dropped=self.dropped.is_set):
             traces, hues = recognise(memory.traces, basins.catalogue,
                                      is_complete=basins.is_complete)
             memory = Memory(traces, limit)
@@ -207,8 +206,7 @@ class Basin(ReportingNode):
         cap, threads, niceness = (
             int(self.number(name)) for name in ('cap', 'threads', 'niceness'))
         self._settings = Settings(
-            sizes_up_to(int(self.number('size'))), self.values['plane'] == 'section',
-            self.number('displacement'), self.number('velocity_limit'),
+            sizes_up_to(int(self.number('size'))), self._plane(), self.number('velocity_limit'),
             cap, threads, niceness, self.frame(), bool(self.values['skeleton']))
         self._memory = Memory()
         self._wanted: Wanted | None = None
@@ -237,6 +235,11 @@ class Basin(ReportingNode):
         self.every(POLL, self._look)
         self.every(LOOK, self._announce)
         self.get_logger().info('ready')
+
+    def _plane(self) -> Plane:
+        kind = str(self.values['plane'])
+        return Plane(self.number('displacement') if kind == DISPLACEMENT else None,
+                     self.number('phase') if kind == STROBE else None, kind=kind)
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         return 'ok', self._words, self._counts | self._seconds
@@ -367,13 +370,15 @@ def picture_of(wanted: Wanted, basins: Basins, hues: tuple[int, ...], memory: Me
     return Picture(
         messages.image_from_pixels(pixels, stamp, settings.frame),
         messages.cloud_from_records(np.concatenate(parts), stamp, settings.frame),
-        state_of(wanted, basins, found, colours, settings), memory)
+        state_of(wanted, basins, found, colours), memory)
 
 
 def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
-             colours: Mapping[int, str], settings: Settings) -> DiagnosticArray:
+             colours: Mapping[int, str]) -> DiagnosticArray:
     plane, parameters, stamp = basins.plane, wanted.parameters, wanted.stamp
     unsettled = basins.share(UNSETTLED)
+    fixed = {name: value for name in ('displacement', 'phase')
+             if isinstance(value := getattr(plane, name), float)}
     words = (f'{plane.phases} x {plane.velocities} at alpha {parameters.alpha:g}: '
              f'{counted(sum(each.label != UNSETTLED for each in found), "attractor")}, '
              f'{unsettled:.1%} unsettled')
@@ -381,9 +386,8 @@ def state_of(wanted: Wanted, basins: Basins, found: Sequence[Attractor],
         words += f': {CONSERVES}'
     state = messages.diagnostic_array('basin: picture', 'basin', 'ok', words, {
         **dataclasses.asdict(parameters), 'epoch': wanted.epoch, 'size': plane.phases,
-        'plane': 'section' if settings.on_walls else 'displacement',
-        'displacement': plane.displacement, 'phase_low': plane.phase[0],
-        'phase_high': plane.phase[1], 'velocity_low': plane.velocity[0],
+        'plane': plane.kind, **fixed, f'{plane.across}_low': plane.window[0],
+        f'{plane.across}_high': plane.window[1], 'velocity_low': plane.velocity[0],
         'velocity_high': plane.velocity[1], 'unsettled': unsettled,
         'has_searched_chaos': basins.is_complete}, stamp)
     for each in found:
@@ -422,9 +426,9 @@ def kick_report(kicks: Kicks, label: int, epoch: int, stamp: Time) -> Diagnostic
 
 def warm_up(settings: Settings) -> None:
     seen, _ = glance(Parameters(), np.zeros((0, 3)))
-    planes = [Plane(phases=size, velocities=size) for size in (4, 8)]
-    for basins in watch(seen, planes, on_walls=settings.on_walls, cap=100, threads=1,
-                        is_dropped=lambda: False):
+    planes = [dataclasses.replace(settings.plane, phases=size, velocities=size)
+              for size in (4, 8)]
+    for basins in watch(seen, planes, cap=100, threads=1, is_dropped=lambda: False):
         recognise((), basins.catalogue)
     chaos = Parameters(alpha=1.1)
     find_attractors(chaos, planes[0].draw(chaos, 8, 1), hold=300, effort=BRIEF, threads=1)

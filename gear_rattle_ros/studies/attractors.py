@@ -103,9 +103,7 @@ def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) 
     return {
         'tool': name,
         **dataclasses.asdict(parameters),
-        'displacement': plane.displacement,
-        'phase_window': list(plane.phase),
-        'velocity_window': list(plane.velocity),
+        **plane.attributes(),
         **others,
     }
 

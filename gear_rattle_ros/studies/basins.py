@@ -94,13 +94,13 @@ def describe(dataset: Arrays) -> str:
         f'{cells.get(UNSETTLED, 0):,} of {counted(dataset["label"].values.size, "cell")}'))
 
 
-def magnifications(plane: Plane, levels: int, phase: float | None, velocity: float | None,
+def magnifications(plane: Plane, levels: int, across: float | None, velocity: float | None,
                    factor: float) -> list[Plane]:
     """List the windows of successive magnifications about a point, the middle by default."""
     # ValueError where the point lies outside the window or the factor is not between 1 and 1e6.
-    at = (sum(plane.phase) / 2.0 if phase is None else phase,
+    at = (sum(plane.window) / 2.0 if across is None else across,
           sum(plane.velocity) / 2.0 if velocity is None else velocity)
-    for name, value, window in (('phase', at[0], plane.phase),
+    for name, value, window in ((plane.across, at[0], plane.window),
                                 ('velocity', at[1], plane.velocity)):
         if not window[0] <= value <= window[1]:
             raise ValueError(f'--zoom-at: {name} {value:g} is outside {window[0]:g} to '

@@ -24,6 +24,7 @@ from typing import Any, Final, Unpack
 import numpy as np
 
 from . import attractors
+from .grid import axes_of
 from .saddle import boundary_saddle
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue, results_here
@@ -42,7 +43,6 @@ from ..core.boundaries.entropy import (
 from ..core.boundaries.uncertainty import count_cut, fit_power_law, Label, PowerLaw, PROBES
 from ..core.boundaries.wada import merge_basins, refine_boundary
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, LIFETIMES_CAP, SEED, TOLERANCE
-from ..core.flight.lanes import make_initial_conditions
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.words import counted
@@ -86,10 +86,10 @@ SADDLE: Final = {
     'saddle_lambda_1': 'its larger Lyapunov exponent per impact'}
 
 
-def labels_of(known: Catalogue, displacement: float, cap: int, phases: FloatArray,
-              velocities: FloatArray) -> IntArray:
+def labels_of(known: Catalogue, plane: Plane, cap: int, across: FloatArray, velocities: FloatArray
+              ) -> IntArray:
     """Label points of a plane."""
-    initial = make_initial_conditions(known.parameters, phases, displacement, velocities)
+    initial = plane.at(known.parameters, across, velocities)
     return np.asarray(results_here(initial, cap, known.table)['label'], np.int64)
 
 
@@ -135,13 +135,13 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
     known = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
         hold=hold, threads=work.threads, cluster=work.cluster)
-    label = functools.partial(labels_of, known, plane.displacement, cap)
+    label = functools.partial(labels_of, known, plane, cap)
     with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
         work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
                  pending, finished)
     if not store.has_table('label'):
         grid = _label_cells(known, plane, cap, work).astype('<i2')
-        store.write_table({'label': (('velocity', 'phase'), grid, named(
+        store.write_table({'label': (('velocity', plane.across), grid, named(
             'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower '
             'wall, -4 between the walls'))})
     attractors.write_attractors(store, known)
@@ -151,7 +151,7 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
 
 def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
     """Return the exponent and S_bb of a boundary, each with its error, coarsely; nan for none."""
-    label = functools.partial(labels_of, known, plane.displacement, LIFETIMES_CAP)
+    label = functools.partial(labels_of, known, plane, LIFETIMES_CAP)
     cells = dataclasses.replace(plane, phases=COARSE_GRID, velocities=COARSE_GRID)
     grid = known.label(cells.cells(known.parameters, slice(None), slice(None)), LIFETIMES_CAP,
                        threads=1)['label'].reshape(COARSE_GRID, COARSE_GRID)
@@ -159,7 +159,7 @@ def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, fl
         return (math.nan,) * 4
     *_, entropy, entropy_error = basin_entropies(grid, (COARSE_EDGE,))[0]
     random, sizes = np.random.default_rng(seed), distances_of(COARSE, 2)
-    counts = np.array([count_cut(label, (plane.phase, plane.velocity), PROBES[0], size,
+    counts = np.array([count_cut(label, (plane.window, plane.velocity), PROBES[0], size,
                                  COARSE_ERROR, MOST, random) for size in sizes])
     law = fit_power_law(sizes, *counts.T)
     exponent, error = (law.exponent, law.error) if law else (math.nan, math.nan)
@@ -188,7 +188,7 @@ def fill_tile(path: Path, plane: Plane, label: Label, error: float, seed: int, t
     counts = 0, 0
     # Boxes of a last digit have corners that are the same.
     if size >= DECIDED or probe == 'triplet':
-        counts = count_cut(label, (plane.phase, plane.velocity), probe, size, error, MOST,
+        counts = count_cut(label, (plane.window, plane.velocity), probe, size, error, MOST,
                            np.random.default_rng([seed, tile]))
     store.write(tile, {name: np.full((1, 1), count)
                        for name, count in zip(('cut', 'probes'), counts, strict=True)})
@@ -248,7 +248,7 @@ def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, s
          'least share of a boundary of one basin that has that of each other within so many '
          'cells'),
         ('refinement', ('halving',), refine_boundary(
-            label, (plane.phase, plane.velocity), grid, basins, HALVINGS, PAIRS,
+            label, (plane.window, plane.velocity), grid, basins, HALVINGS, PAIRS,
             np.random.default_rng(seed)),
          'share of neighbouring cells in different basins between which all basins are found '
          'after so many halvings'),
@@ -312,8 +312,7 @@ def _layout(plane: Plane, sizes: FloatArray, identity: dict[str, object]) -> Lay
         (Axis('probe', np.array(PROBES), named(
             'triplet: a point and one on either side; box: the corners of a square', None), 1),
          Axis('distance', sizes, named('distance in a triplet, edge of a box'), 1),
-         Axis('velocity', plane.velocity_values(), named('initial velocity')),
-         Axis('phase', plane.phase_values(), named('initial drive phase', 'rad'))),
+         *axes_of(plane, 0)),
         tuple(Variable(name, ('probe', 'distance'), '<i8', named(words)) for name, words in (
             ('cut', 'probes whose points differ in their labels'), ('probes', 'all probes'))),
         identity, {'title': TITLE})

@@ -78,7 +78,7 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
         raise ValueError('--cluster: exponents run on the threads of this machine only')
     store = work.begin(Layout(
         axes_of(plane, EDGE),
-        (Variable('exponent', ('velocity', 'phase'), '<f8', named(
+        (Variable('exponent', ('velocity', plane.across), '<f8', named(
             f'largest finite-time exponent per impact over {counted(impacts, "impact")}; -inf '
             'where the driven gear sticks, nan where it floats')),),
         identity_of(NAME, parameters, plane, impacts=impacts,
@@ -87,7 +87,7 @@ def exponents(parameters: Parameters, plane: Plane | None = None, *,
     with work.pending(NAME, store, lambda tile: 1) as (tiles, finished):
         for tile in tiles:
             part = store.tiles[tile]
-            cells = plane.cells(parameters, part['velocity'], part['phase'])
+            cells = plane.cells(parameters, part['velocity'], part[plane.across])
             values = finite_time_exponents(cells, impacts, work.threads)
             store.write(tile, {'exponent': values.reshape(
                 tuple(each.stop - each.start for each in part.values()))})

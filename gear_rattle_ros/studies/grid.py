@@ -27,7 +27,7 @@ from .work import Work
 from ..attractors.catalogue import Catalogue
 from ..attractors.letters import with_letters
 from ..attractors.listing import named
-from ..attractors.plane import Plane
+from ..attractors.plane import Plane, STROBE
 from ..attractors.refining import late_orbits, Level
 from ..core.flight.lanes import EMPTY
 from ..core.many.settling import RESULT, UNSETTLED
@@ -49,7 +49,7 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
     """Lay out a grid of labels and lifetimes; the result does not depend on the `tile`."""
     edge = tile or min(max(-(-max(plane.phases, plane.velocities) // ACROSS), SHORTEST), LONGEST)
     return Layout(axes_of(plane, edge), tuple(
-        Variable(name, ('velocity', 'phase'), dtype, named(words, units))
+        Variable(name, ('velocity', plane.across), dtype, named(words, units))
         for name, dtype, words, units in (
             ('label', '<i2', 'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the '
              'upper and lower wall, -4 between the walls', '1'),
@@ -64,7 +64,9 @@ def grid_layout(plane: Plane, identity: dict[str, Any], title: str, cap: int,
 def axes_of(plane: Plane, edge: int) -> tuple[Axis, Axis]:
     """Return the axes of a grid whose tiles have this edge [cells]."""
     return (Axis('velocity', plane.velocity_values(), named('initial velocity'), edge),
-            Axis('phase', plane.phase_values(), named('initial drive phase', 'rad'), edge))
+            Axis(plane.across, plane.across_values(), named(
+                'initial drive phase', 'rad') if plane.kind != STROBE else named(
+                    'initial displacement'), edge))
 
 
 def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
@@ -73,7 +75,7 @@ def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
     # Returns the impacts made, and stable orbits that the catalogue did not know.
     store = Store(path)
     part, shape = store.tiles[tile], _shape(store, tile)
-    level = Level(plane.cells(known.parameters, part['velocity'], part['phase']), shape, cap,
+    level = Level(plane.cells(known.parameters, part['velocity'], part[plane.across]), shape, cap,
                   slice_impacts=math.inf)
     # As it stays where areas are preserved.
     grids = {name: np.full(shape, value, RESULT[name]) for name, value in zip(
@@ -120,8 +122,8 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
 
 
 def _shape(store: Store, tile: int) -> tuple[int, int]:
-    velocity, phase = (each.stop - each.start for each in store.tiles[tile].values())
-    return velocity, phase
+    velocity, across = (each.stop - each.start for each in store.tiles[tile].values())
+    return velocity, across
 
 
 def _text_of(late: tuple[Orbit, ...]) -> str:

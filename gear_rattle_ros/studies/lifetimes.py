@@ -212,7 +212,7 @@ def parts_of(store: Store, parameters: Parameters, plane: Plane
              ) -> Iterator[tuple[RecordArray, RecordArray]]:
     """Read the initial conditions of a grid and what is stored of their RESULT, tile by tile."""
     for tile, place in enumerate(store.tiles):
-        initial = plane.cells(parameters, place['velocity'], place['phase'])
+        initial = plane.cells(parameters, place['velocity'], place[plane.across])
         results = np.zeros(len(initial), RESULT)
         for name in GRIDS:
             results[name] = store.read(tile, name).ravel()

@@ -96,9 +96,9 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
     """
     plane = plane or Plane()
     require_inverse(parameters)
-    if plane.displacement not in (0.0, -1.0):
-        raise ValueError(f'displacement = {plane.displacement:g} is between the walls, where no '
-                         'impact is; give 0 or -1')
+    if not plane.holds(np.arange(2)).any():
+        raise ValueError(f'{plane.words}: no impact lies on this plane; take the section, or the '
+                         'displacement 0 or -1')
     for name, value, low, high in (('length', length, 1e-3, 1e5),
                                    ('precision', precision, 1e-6, 0.1)):
         if not low <= value <= high:

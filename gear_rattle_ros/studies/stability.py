@@ -30,7 +30,7 @@ from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS, others_wh
 from ..attractors.finding import find_attractors
 from ..attractors.kicks import Kick, REACH, smallest_displacement, smallest_kick
 from ..attractors.listing import table
-from ..attractors.plane import Plane, Section
+from ..attractors.plane import Plane, SECTION
 from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import BASINS_CAP, HOLD, SEED, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -62,10 +62,9 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     """
     Find how far the attractors are from being left.
 
-    The dataset has the basins on the section, each initial condition on the wall that it moves
-    towards, and of every attractor its share, how soon trajectories settle on it, the smallest
-    kick at an impact and the smallest displacement of an impact that change the attractor, and the
-    largest disc in its basin.
+    The dataset has the basins, by default on the section, and of every attractor its share, how
+    soon trajectories settle on it, the smallest kick at an impact and the smallest displacement of
+    an impact that change the attractor, and the largest disc in its basin.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
                              f'{erosion[0]:g} to {erosion[1]:g}; widen it')
         asked |= {'erosion_window': list(erosion), 'columns': columns,
                   'trajectories': trajectories}
-    work, plane = Work(**options), Section(**vars(plane or Plane(phases=200, velocities=200)))
+    work, plane = Work(**options), plane or Plane(phases=200, velocities=200, kind=SECTION)
     store, catalogue = basins.compute_basins(
         parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, tile=tile, name=NAME, title=TITLE, **asked)
@@ -165,19 +164,19 @@ def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str
 def _discs(labels: IntArray, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
     discs = np.array([largest_disc(labels == each.label, plane) for each in catalogue.attractors])
     return table('attractor', **{f'disc_{name}': (
-        discs[:, k], f'largest disc in the basin on the section: {name}',
-        'rad' if name == 'phase' else '1') for k, name in enumerate((
-            'radius', 'phase', 'velocity'))})
+        discs[:, k], f'largest disc in the basin: {name}', 'rad' if name == 'phase' else '1')
+        for k, name in enumerate(('radius', plane.across, 'velocity'))})
 
 
 def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, float, float]:
     """Return radius and centre of the largest disc of cells; it leaves neither window nor wall."""
     # Of a cell, the distance to the centre of the nearest one that is not inside.
-    turns = math.isclose(plane.phase[1] - plane.phase[0], TWO_PI)
+    turns = math.isclose(plane.window[1] - plane.window[0], TWO_PI)
     width, height = ((high - low) / count for (low, high), count in (
-        (plane.phase, plane.phases), (plane.velocity, plane.velocities)))
+        (plane.window, plane.phases), (plane.velocity, plane.velocities)))
     velocities, best = plane.velocity_values(), (0.0, math.nan, math.nan)
-    for half in (velocities >= 0.0, velocities < 0.0):
+    for half in (velocities >= 0.0, velocities < 0.0) if plane.kind == SECTION else (
+            np.isfinite(velocities),):
         rows = np.flatnonzero(half)
         if not len(rows):
             continue
@@ -194,7 +193,7 @@ def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, fl
         row, column = np.unravel_index(np.argmax(nearest), nearest.shape)
         radius = math.sqrt(nearest[row, column])
         if radius > best[0]:
-            best = radius, float(plane.phase_values()[column]), float(velocities[rows[row]])
+            best = radius, float(plane.across_values()[column]), float(velocities[rows[row]])
     return best
 
 
@@ -246,9 +245,10 @@ def describe(dataset: Arrays) -> str:
     """Put the stability of every attractor in words."""
     a, omega = dataset.attrs, dataset.attrs['omega']
     scale = a.get('scale_velocity_m_per_s', 0.0)
+    across = Plane.of(a).across
     one = {name: dataset[f'attractor_{name}'].values for name in (
         'label', 'letter', 'key', 'kind', 'settling_impacts', 'settling_periods', 'disc_radius',
-        'disc_phase', 'disc_velocity', *(f'{what}_{field.name}' for what in (
+        f'disc_{across}', 'disc_velocity', *(f'{what}_{field.name}' for what in (
             'kick', 'displacement') for field in dataclasses.fields(Kick)))}
     names = {label: key for label, (key, _) in OTHERS.items()} | {
         int(label): str(letter or key) for label, letter, key in zip(
@@ -282,8 +282,8 @@ def describe(dataset: Arrays) -> str:
              *[' [mm/s]'] * bool(scale and what == 'kick'), ' change',
              'impact: wall, phase, velocity', 'leads to', ' dents under', ' unsettled [%]'],
             functools.partial(kick, what))
-    add(['largest disc', ' radius [1]', ' phase', ' velocity'], lambda k: [
-        f'{one["disc_radius"][k]:.3f}', f'{one["disc_phase"][k]:.3f}',
+    add(['largest disc', ' radius [1]', f' {across}', ' velocity'], lambda k: [
+        f'{one["disc_radius"][k]:.3f}', f'{one[f"disc_{across}"][k]:.3f}',
         f'{one["disc_velocity"][k]:+.3f}'])
     if 'to' in a:
         letters, keys = (dataset[f'target_{name}'].values for name in ('letter', 'key'))

@@ -20,7 +20,7 @@ import threading
 import numpy as np
 import pytest
 
-from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.plane import Plane, PLANES
 from gear_rattle_ros.attractors.watching import Basins, Dropped, glance, sizes_up_to, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNSETTLED
@@ -31,12 +31,13 @@ TWO_ATTRACTORS = Parameters(0.48)
 NO_HINTS = np.zeros((0, 3))
 
 
-def pictures(parameters: Parameters, sizes: tuple[int, ...], *, on_walls: bool = True,
+def pictures(parameters: Parameters, sizes: tuple[int, ...], *, kind: str = 'section',
              cap: int = 2000) -> list[Basins]:
     """Return all pictures of the plane."""
-    planes = [Plane(-0.25, phases=size, velocities=size) for size in sizes]
-    return list(watch(glance(parameters, NO_HINTS)[0], planes, on_walls=on_walls, cap=cap,
-                      threads=1, is_dropped=lambda: False))
+    planes = [Plane(-0.25 if kind == 'displacement' else None, phases=size, velocities=size,
+                    kind=kind) for size in sizes]
+    return list(watch(glance(parameters, NO_HINTS)[0], planes, cap=cap, threads=1,
+                      is_dropped=lambda: False))
 
 
 def followed(state: State) -> tuple[int, int]:
@@ -48,18 +49,20 @@ def followed(state: State) -> tuple[int, int]:
     return int(report.period_impacts or 0), report.lifetime
 
 
-@pytest.mark.parametrize('on_walls', [True, False])
-def test_initial_conditions_end_where_the_simulation_ends(on_walls: bool) -> None:
-    """A sample of cells, on the section and at one displacement."""
-    last = pictures(TWO_ATTRACTORS, (50, 60), on_walls=on_walls)[-1]
+@pytest.mark.parametrize('kind', PLANES)
+def test_initial_conditions_end_where_the_simulation_ends(kind: str) -> None:
+    """A sample of cells, on the section, at one displacement and at one phase."""
+    last = pictures(TWO_ATTRACTORS, (50, 60), kind=kind)[-1]
     periods = [orbit.impacts for orbit in last.catalogue.orbits]
     assert sorted(periods) == [2, 3] and not last.catalogue.late
     assert not np.any(last.labels == UNSETTLED)
     compared = 0
     for row, column in np.random.default_rng(3).integers(0, 60, (40, 2)):
         velocity = float(last.plane.velocity_values()[row])
-        place = (-1.0 if velocity < 0.0 else 0.0) if on_walls else -0.25
-        state = State(0, float(last.plane.phase_values()[column]), place, velocity)
+        across = float(last.plane.across_values()[column])
+        state = State(0, *{'section': (across, -1.0 if velocity < 0.0 else 0.0),
+                           'displacement': (across, -0.25), 'strobe': (0.0, across)}[kind],
+                      velocity)
         period, lifetime = followed(state)
         # In a longer transient a difference in the last bit decides where it ends.
         if lifetime < 60:
@@ -104,8 +107,8 @@ def test_a_long_transient_stays_unsettled_without_being_waited_for() -> None:
 def test_work_is_dropped() -> None:
     """The next slice raises."""
     dropped = threading.Event()
-    planes = [Plane(phases=size, velocities=size) for size in (50, 400, 800)]
-    work = watch(glance(TWO_ATTRACTORS, NO_HINTS)[0], planes, on_walls=True, cap=20_000,
+    planes = [Plane(phases=size, velocities=size, kind='section') for size in (50, 400, 800)]
+    work = watch(glance(TWO_ATTRACTORS, NO_HINTS)[0], planes, cap=20_000,
                  threads=2, is_dropped=dropped.is_set)
     next(work)
     dropped.set()

@@ -55,6 +55,10 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('basins', '--size 3 4 5', '--size takes one or two numbers'),
     ('basins', '--size 2.5', "'2.5' is not a whole number"),
     ('basins', '--displacement 0.5', 'displacement = 0.5 is outside [-1, 0]'),
+    ('basins', '--plane section --displacement 0', 'have that of their walls; leave it out'),
+    ('basins', '--plane strobe --displacement -0.5', 'give a window, two numbers'),
+    ('attractors', '--plane strobe --phase 0 1', 'give one number'),
+    ('lifetimes', '--phase 1', 'give a window, two numbers'),
     ('basins', '--cap 3e9', "'3e9' is more than 2,147,483,647"),
     ('basins', '--threads 0', "'0' is not a whole number from 1 on"),
     ('basins', '--cap 0', "'0' is not a whole number from 1 on"),
@@ -104,7 +108,7 @@ def test_options_and_functions_have_the_same_defaults(name):
         given['alphas'] = given['alpha']
     if 'windows' in takes:
         given['windows'] = given['alpha']
-    shared = set(takes) & set(given)
+    shared = set(takes) & set(given) - {'plane'}
     assert shared
     assert {key: given[key] for key in shared} == {key: takes[key].default for key in shared}
 
@@ -130,6 +134,8 @@ def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
     ('basins', '--alpha 1.2347058 --beta 0.1 --size 400', 'basins-1.2347058'),
     ('basins', '--beta 0.2 --size 6 4 --velocity -1 2pi --threads 2 --dpi 50 --picture a.png',
      'basins-0.48-beta-0.2-velocity--1_6.283185307179586-size-6_4'),
+    ('basins', '--plane strobe --phase pi', 'basins-0.48-plane-strobe-phase-3.141592653589793'),
+    ('stability', '--plane section --displacement 0', 'stability-0.48'),
     ('orbit_diagram', '--sweep up down', 'orbit_diagram-sweeps-up_down'),
     ('orbit_diagram', '--alpha 1 1.75', 'orbit_diagram-alpha-1_1.75'),
     ('transitions', '--alpha 0.5 0.6', 'transitions-alpha-0.5_0.6'),
@@ -220,7 +226,8 @@ def test_every_dataset_describes_itself(tmp_path, tool):
         assert {'phase', 'velocity'} <= set(dataset.coords)
     attributes = dataset.attrs
     assert (attributes['tool'], attributes['beta'], attributes['seed']) == (tool, 0.11, 1)
-    for name in ('alpha', 'gamma', 'restitution', 'displacement', 'phase_window',
+    for name in ('alpha', 'gamma', 'restitution', 'phase_window',
+                 'plane' if tool == 'stability' else 'displacement',
                  'velocity_window', 'tolerance', 'hold', 'initial_conditions', 'created', 'title'):
         assert name in attributes
     assert attributes['command'] == shlex.join(['gear_rattle', tool, *options])

@@ -28,7 +28,9 @@ HOME = Shown(View(), (4.0, -0.5))
 @pytest.mark.parametrize('shown', [HOME, Shown(
     View(Parameters(0.4812345678901234, 0.11, -0.1, 0.85), -0.25,
          (-1.2345678901234567, -1.2345670000000001), (-0.1, 0.30000000000000004), LIFETIMES),
-    (1e-17, -1.5), 1.2432027802, ('orbits', 'edge state'))])
+    (1e-17, -1.5), 1.2432027802, ('orbits', 'edge state')), Shown(
+    View(displacement=(-0.9, -0.1), phase=1.5, on='strobe'), (-0.25, 0.5)), Shown(
+    View(phase=(1.0, 2.0), on='section'), (1.5, -0.5))])
 def test_what_is_shown_comes_back_to_the_bit(shown: Shown) -> None:
     query = parse_qs(shown.query().encode())
     assert HOME.given({name.decode(): values for name, values in query.items()}) == shown
@@ -44,6 +46,10 @@ def test_what_is_shown_comes_back_to_the_bit(shown: Shown) -> None:
     ('point=0,1e300', 'point=0,1e300 in the address is beyond 9000'),
     ('point=nan,0', 'point=nan,0 in the address is beyond 9000'),
     ('kind=colours', 'is not one of basins'),
+    ('plane=colours', 'is not one of section'),
+    ('plane=strobe&phase=1,2', 'phase=1,2 in the address is not a number'),
+    ('plane=strobe&displacement=-0.5', 'displacement=-0.5 in the address is not two numbers'),
+    ('plane=section&displacement=0', 'leave it out'),
     ('layers=orbits,moons', "layer 'moons' is not one of orbits, manifolds")])
 def test_an_address_that_cannot_be_is_refused(query: str, line: str) -> None:
     words = {name: [value.encode() for value in values]

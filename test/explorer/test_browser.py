@@ -15,6 +15,7 @@
 """The page in a real browser: load, zoom, slide, click, save; two tabs; the end of float64."""
 
 from collections.abc import Callable, Iterator
+import dataclasses
 import math
 import os
 from pathlib import Path
@@ -179,6 +180,41 @@ def test_a_view_can_be_sent_by_its_address(tab: Tab) -> None:
     # B is chaotic there, in the colour that it has on the first plane.
     tab.wait(f"""Bokeh.documents[0].get_model_by_name('legend_beside').text.includes(
         'background:{HUES[0]}')""")
+
+
+def test_planes_show_the_same_state(tab: Tab, tmp_path: Path) -> None:
+    """Buttons lead to the strobe and the section; a click there leads to the state it names."""
+    tab.wait_for_cells(400)
+    before = tab.get('impacts', 'data.phase[10]')
+    tab.page.get_by_text('strobe', exact=True).click()
+    tab.wait("Bokeh.documents[0].get_model_by_name('picture').data.x[0] == -1")
+    tab.wait_for_cells(400)
+    # Through the same trajectory: phase 4 and s = 0 of the plane before.
+    assert tab.get('impacts', 'data.phase[10]') == before
+    assert (tab.get('point', 'data.x[0]'), tab.get('point', 'data.y[0]')) == (0.0, -0.5)
+    assert tab.window() == (-1.0, 0.0, -2.0, 2.0)
+    assert 'displacement' in tab.get('plane', 'below[0].axis_label')
+    labels, plane = np.array(tab.array('label')), Plane(phase=4.0, kind='strobe')
+    size = math.isqrt(labels.size)
+    plane = dataclasses.replace(plane, phases=size, velocities=size)
+    catalogue = find_attractors(Parameters(), plane.draw(Parameters(), 300, 4), chaotic=False)
+    theirs = catalogue.label(plane.cells(Parameters(), slice(0, size), slice(0, size))[::97], CAP)
+    assert np.mean(labels[::97] == theirs['label']) > 0.995
+    tab.screenshot(tmp_path / 'strobe.png')
+    tab.page.mouse.click(300, 250)
+    tab.wait("Bokeh.documents[0].get_model_by_name('point').data.x[0] < 0")
+    s, velocity = (tab.get('point', f'data.{axis}[0]') for axis in 'xy')
+    phases = follow(Parameters(), 4.0, s, velocity).phases.tolist()
+    tab.wait(f"Bokeh.documents[0].get_model_by_name('impacts').data.phase[5] == {phases[5]!r}")
+    tab.page.mouse.move(300, 250)
+    for _ in range(3):
+        tab.page.mouse.wheel(0, 200)
+        tab.page.wait_for_timeout(60)
+    assert tab.get('plane', 'x_range.start') >= -1.0 and tab.get('plane', 'x_range.end') <= 0.0
+    tab.page.get_by_text('section', exact=True).click()
+    tab.wait("Bokeh.documents[0].get_model_by_name('picture').data.x[0] == 0")
+    assert 'phase' in tab.get('plane', 'below[0].axis_label')
+    assert 'plane=section' in tab.page.url
 
 
 def test_click_shows_the_trajectory(tab: Tab) -> None:

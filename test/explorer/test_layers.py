@@ -156,6 +156,21 @@ def test_between_the_walls_one_line_says_why_there_is_nothing() -> None:
     assert 'set s₀ to 0 or to −1' in layers[0].words['']
 
 
+def test_the_section_has_all_impacts_and_the_strobe_none() -> None:
+    """Impacts of both walls, before them only; the kick leads to the same state after it."""
+    walls, points = np.array([0, 1]), np.array([[1.0, 0.5], [7.0, -0.25]])
+    before, after = places(View(on='section'), walls, points)
+    assert np.allclose(before, [[1.0, 0.5], [7.0 - 2.0 * math.pi, -0.25]])
+    assert np.isnan(after).all()
+    assert all(np.isnan(each).all() for each in places(View(on='strobe'), walls, points))
+    skeleton = Skeleton(Catalogues())
+    view = LOWER.view
+    drawn = [list(skeleton.layers(Asked(each, LOWER.point, (KICK,)), lambda: None))[-1].kick
+             for each in (view, View(on='section'))]
+    (x, after, _, to), (same, before, _, other) = drawn[0][0], drawn[1][0]
+    assert x == same and np.allclose([after, to], -0.9 * np.array([before, other]), atol=1e-6)
+
+
 def test_what_cannot_be_drawn_is_put_in_words() -> None:
     """Without an inverse there is no stable manifold; one attractor has no boundary."""
     *_, last = Skeleton(Catalogues()).layers(Asked(

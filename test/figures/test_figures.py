@@ -20,10 +20,14 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.figures import main
+from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.figures.paper import load_recipes
 from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
+from gear_rattle_ros.studies.exponents import exponents
 
 PAPER = ['1', '2', '3a', '3b', '4', '5a', '5b', '6a', '6b', '7', '8a', '8b', '9a', '9b', '10',
          '11', '12', 'jumps', 'lifetime-law', 'shares', 'transitions-2', 'transitions-8']
@@ -180,6 +184,22 @@ def test_ticks_are_in_pi():
     assert [in_pi(k * np.pi / 2, 2) for k in range(-1, 5)] == [
         '−π/2', '0', 'π/2', 'π', '3π/2', '2π']
     assert in_pi(5 * np.pi / 4, 4) == '5π/4'
+
+
+@pytest.mark.parametrize('plane', [
+    Plane(-0.25, (1.0, 4.0), (-1.0, 0.5), 12, 10),
+    Plane(None, (1.0, 4.0), (-1.0, 0.5), 12, 10, 'section'),
+    Plane((-0.75, -0.5), 2.0, (-1.0, 0.5), 12, 10, 'strobe')], ids=lambda plane: plane.kind)
+def test_a_grid_of_any_plane_has_its_axes(plane):
+    """Each cell is drawn where it is, and the label names what is across."""
+    dataset = exponents(Parameters(), plane, impacts=5)
+    assert dataset['exponent'].dims == ('velocity', plane.across)
+    axes = draw(dataset).axes[0]
+    assert axes.get_xlim() == plane.window and axes.get_ylim() == plane.velocity
+    assert {'phase': 'drive phase', 'displacement': 'initial displacement [1]'}[
+        plane.across] in axes.get_xlabel()
+    assert ('before impact' in axes.get_ylabel()) == (plane.kind == 'section')
+    assert np.array_equal(axes.images[0].get_array(), dataset['exponent'].values)
 
 
 @pytest.mark.parametrize(('words', 'named'), [

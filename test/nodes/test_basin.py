@@ -15,6 +15,7 @@
 """The basin node as a process: pictures, attractors and shares for a stream of parameters."""
 
 from collections.abc import Callable
+import dataclasses
 import os
 from pathlib import Path
 import signal
@@ -35,6 +36,7 @@ from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import EventArray, Parameters, State, Wall
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.basin import Basin, Job, Memory, picture_of, Settings, Wanted
+from gear_rattle_ros.nodes.viewer.basin import BasinInput
 from gear_rattle_ros.palette import ENDS, LAYERS
 from gear_rattle_ros.qos import LATCHED, STREAM
 
@@ -252,16 +254,34 @@ def test_a_bad_plane_is_one_line(start: Callable) -> None:
     """Exit status 2, and one line that names the value."""
     basin = start('basin', '--ros-args', '-p', 'plane:=floor')
     assert basin.process.wait(60) == 2
-    assert basin.text() == "basin: plane = 'floor' is not one of section, displacement\n"
+    assert basin.text() == "basin: plane = 'floor' is not one of section, displacement, strobe\n"
+
+
+def test_a_picture_of_the_strobe_names_its_axes_and_stays_out_of_the_section() -> None:
+    """The viewer draws basins below the section only where they have its axes."""
+    parameters, plane = Parameters(0.1, 0.0, 0.0, 1.0), Plane(phase=1.5, kind='strobe')
+    settings = Settings((50,), plane, 1.0, 100, 1, 0)
+    basins, = watch(glance(parameters, np.zeros((0, 3)))[0], [
+        dataclasses.replace(plane, phases=50, velocities=50)], cap=100, threads=1,
+        is_dropped=lambda: False)
+    picture = picture_of(Wanted(parameters, 1, STAMP, 0.0, False), basins, (), Memory(), settings)
+    values = values_of(picture.state)
+    assert [values[name] for name in ('plane', 'phase', 'displacement_low', 'displacement_high')
+            ] == ['strobe', '1.5', '-1.0', '0.0']
+    inputs = BasinInput()
+    assert [inputs.take(name, part) for name, part in (
+        ('basin', picture.image), ('attractors', picture.attractors),
+        ('basin_state', picture.state))] == [None] * 3
 
 
 def test_where_areas_are_preserved_all_is_unsettled_and_explained() -> None:
     """Without a search, and without following anything."""
     parameters = Parameters(0.1, 0.0, 0.0, 1.0)
-    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size) for size in (50, 400)]
-    settings = Settings((50, 400), True, 0.0, 1.0, 10_000_000, 1, 0)
-    shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, on_walls=True,
-                       cap=settings.cap, threads=1, is_dropped=lambda: False))
+    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size, kind='section')
+              for size in (50, 400)]
+    settings = Settings((50, 400), planes[0], 1.0, 10_000_000, 1, 0)
+    shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, cap=settings.cap,
+                       threads=1, is_dropped=lambda: False))
     assert [basins.plane for basins in shown] == planes
     for basins in shown:
         picture = picture_of(

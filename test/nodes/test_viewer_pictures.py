@@ -64,9 +64,10 @@ Pixels = np.ndarray
 @pytest.fixture(scope='module')
 def basins() -> Basins:
     """Return the basins at 0.48."""
-    planes = [Plane(velocity=(-1.5, 1.5), phases=size, velocities=size) for size in (50, 200)]
-    *_, last = watch(glance(Parameters(0.48), np.zeros((0, 3)))[0], planes, on_walls=True,
-                     cap=5000, threads=2, is_dropped=lambda: False)
+    planes = [Plane(velocity=(-1.5, 1.5), phases=size, velocities=size, kind='section')
+              for size in (50, 200)]
+    *_, last = watch(glance(Parameters(0.48), np.zeros((0, 3)))[0], planes, cap=5000, threads=2,
+                     is_dropped=lambda: False)
     return last
 
 
@@ -79,7 +80,7 @@ def file(basins: Basins, tmp_path_factory: pytest.TempPathFactory) -> Path:
     picture = picture_of(
         Wanted(basins.catalogue.parameters, 1, Time(sec=7), 0.0, False), basins, hues,
         Memory(traces, 1.5),
-        Settings((50, 200), True, 0.0, 1.5, 5000, 1, 0))
+        Settings((50, 200), basins.plane, 1.5, 5000, 1, 0))
     inputs = BasinInput()
     assert inputs.take('basin', picture.image) is None
     assert inputs.take('attractors', picture.attractors) is None

@@ -228,7 +228,7 @@ def test_the_dataset_describes_itself(reference):
     assert dataset.attrs['alpha'] == 0.48
     assert dataset.attrs['displacement'] == 0.0
     assert list(dataset['attractor_key'].values) == [each.key for each in reference[3]]
-    assert np.array_equal(dataset['phase'], PLANE.phase_values())
+    assert np.array_equal(dataset['phase'], PLANE.across_values())
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])

@@ -68,9 +68,9 @@ def test_the_coarse_measure_agrees_with_boxes_of_two_edges():
     known = find_attractors(Parameters(alpha=0.48), plane.draw(Parameters(alpha=0.48), 60, 1),
                             hold=2000)
     exponent, error, entropy, _ = measure(known, plane, 1)
-    label = functools.partial(labels_of, known, 0.0, 2000)
+    label = functools.partial(labels_of, known, plane, 2000)
     (small, first), (large, second) = (
-        count_cut(label, (plane.phase, plane.velocity), 'box', size, 0.04, 50_000, random)
+        count_cut(label, (plane.window, plane.velocity), 'box', size, 0.04, 50_000, random)
         for size in (1e-8, 1e-2))
     slope = math.log(large / second * first / small) / math.log(1e6)
     assert exponent == pytest.approx(slope, abs=3.0 * math.hypot(error, 0.06 / math.log(1e6)))

@@ -39,7 +39,7 @@ FOLD = 0.0492189296698
 @pytest.mark.parametrize(('phase', 'turns'), [((0.0, math.tau), True), ((1.0, 4.0), False)])
 def test_the_largest_disc_is_that_of_the_distance_transform(phase, turns):
     """Of scipy, on each side of the wall and around the circle of phases."""
-    plane = Plane(phase=phase, velocity=(-1.0, 1.5), phases=61, velocities=50)
+    plane = Plane(phase=phase, velocity=(-1.0, 1.5), phases=61, velocities=50, kind='section')
     inside = np.random.default_rng(3).random((50, 61)) < 0.97
     steps = 2.5 / 50, (phase[1] - phase[0]) / 61
     found = study.largest_disc(inside, plane)
@@ -50,7 +50,7 @@ def test_the_largest_disc_is_that_of_the_distance_transform(phase, turns):
         best = max(best, apart[:, 61:122].max() if turns else apart.max())
     assert found[0] == pytest.approx(best, rel=1e-12)
     assert inside[np.argmin(abs(plane.velocity_values() - found[2])),
-                  np.argmin(abs(plane.phase_values() - found[1]))]
+                  np.argmin(abs(plane.across_values() - found[1]))]
     assert study.largest_disc(inside & False, plane)[0] == 0.0
 
 
@@ -70,8 +70,17 @@ def test_settling_times_are_those_of_the_simulator():
 
 @pytest.fixture(scope='module')
 def dataset():
-    return stability(P, Plane(phases=50, velocities=40), initial_conditions=500, hold=20_000,
-                     to=0.52, threads=1)
+    return stability(P, Plane(phases=50, velocities=40, kind='section'),
+                     initial_conditions=500, hold=20_000, to=0.52, threads=1)
+
+
+def test_random_initial_conditions_are_of_the_plane_of_the_grid(dataset):
+    """Their shares are those of the cells, within four errors of both."""
+    for label, share in zip(dataset['attractor_label'].values, dataset['attractor_share'].values,
+                            strict=True):
+        cells = np.mean(dataset['label'].values == label)
+        error = math.sqrt(cells * (1.0 - cells) * (1.0 / 500 + 1.0 / 2000))
+        assert share == pytest.approx(cells, abs=4.0 * error)
 
 
 def test_a_jump_of_alpha_leads_the_simulator_where_it_says(dataset):

@@ -70,6 +70,9 @@ class BasinInput:
             return None
         # Each message belongs to one picture only.
         self._parts = {}
+        # Its axes are not those of the section.
+        if values.get('plane') == 'strobe':
+            return None
         points, colours = points_of(cloud)
         low, high = float(values['velocity_low']), float(values['velocity_high'])
         if image.encoding != 'rgb8' or not -math.inf < low < high < math.inf:
