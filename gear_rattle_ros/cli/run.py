@@ -29,7 +29,7 @@ import shlex
 import sys
 from typing import Any, Final, TYPE_CHECKING
 
-from .options import model_of, number, plane_of, whole
+from .options import model_of, number, one_by_one, path_of, paths_of, plane_of, whole
 from .refusal import attempt, INTERRUPTED, Parser
 from ..places import typed
 
@@ -63,8 +63,19 @@ class Command:
             add_picture(parser)
             add_views(parser)
         given = parser.parse_args(words)
-        given.output = given.output or Path(f'{_name(self.name, asked, given)}.zarr')
-        return attempt(self.name, lambda: self._run(given, words))
+
+        def run() -> int:
+            for one, mark in one_by_one(given):
+                one.output = _marked(given.output, mark) or Path(
+                    f'{_name(self.name, asked, one)}.zarr')
+                if self.has_picture:
+                    one.picture = _marked(given.picture, mark)
+                status = self._run(one, words)
+                if status:
+                    return status
+            return 0
+
+        return attempt(self.name, run)
 
     def _run(self, given: argparse.Namespace, words: list[str]) -> int:
         drawn = getattr(given, 'picture', None)
@@ -77,9 +88,8 @@ class Command:
                 planes = self.planes(given)
                 for level, plane in enumerate(planes):
                     number = f'-{level}' if len(planes) > 1 else ''
-                    path = output.with_name(f'{output.stem}{number}{output.suffix}')
-                    picture = drawn and drawn.with_name(f'{drawn.stem}{number}{drawn.suffix}')
-                    self._study(given, plane, path, picture, command)
+                    path = _marked(output, number)
+                    self._study(given, plane, path, _marked(drawn, number), command)
             return 0
         except KeyboardInterrupt:
             return _report_stop(self.name, path, words)
@@ -91,10 +101,10 @@ class Command:
         takes = inspect.signature(study).parameters
         keywords = {name: tuple(value) if isinstance(value, list) else value
                     for name, value in vars(given).items() if name in takes}
-        if 'alphas' in takes:
-            keywords['alphas'] = tuple(given.alpha)
+        model = next((read for name, read in (('path', path_of), ('paths', paths_of))
+                      if name in takes), model_of)
         store = study.compute(
-            model_of(given), plane=plane, **keywords | self.keywords(given), store=output,
+            model(given), plane=plane, **keywords | self.keywords(given), store=output,
             resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
@@ -105,11 +115,16 @@ class Command:
                 print(path)
 
 
+def _marked(path: Path | None, mark: str) -> Any:
+    return path and path.with_name(f'{path.stem}{mark}{path.suffix}')
+
+
 def _add_run(parser: Parser) -> None:
     group = parser.add_argument_group('running')
     group.add_argument('--output', type=Path, metavar='DIR.zarr',
                        help='the store, by default named after the tool, alpha and every '
-                       'other option that changes the result; an existing one that answers the '
+                       'other option that changes the result (of several values, a store for '
+                       'each); an existing one that answers the '
                        'same question is continued, or drawn again')
     # Older versions continued a store only when they were told to.
     group.add_argument('--resume', action='store_true', help=argparse.SUPPRESS)
@@ -154,7 +169,7 @@ def add_views(parser: Parser) -> None:
     group.add_argument('--draw', choices=('velocity', 'exponent', 'both', 'impacts'),
                        help='of an orbit diagram the velocity, the exponent or both; of the '
                        'section of one trajectory its impacts in turn')
-    group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark amplitudes, or '
+    group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark values, or '
                        'the window of a magnification: two phases and two velocities')
     group.add_argument('--transitions', type=Path, metavar='STORE.zarr', help='mark in a diagram '
                        'what the tool transitions has found')

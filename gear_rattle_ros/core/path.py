@@ -16,16 +16,18 @@
 
 import dataclasses
 import functools
-import math
 from typing import Final
 
 import numpy as np
 
 from .arrays import FloatArray
-from .model import Model, Parameters
+from .model import Model, Parameters, RANGES
 
 # The coordinate along a path on which several parameters change.
 SEVERAL: Final = 'path'
+WORDS: Final = {
+    'alpha': 'amplitude of the drive', 'beta': 'damping', 'gamma': 'constant load',
+    'restitution': 'coefficient of restitution', SEVERAL: 'place between both ends'}
 EMPTY: Final = '{} window {:g} to {:g} is empty or reversed; give the lower end first'
 
 
@@ -87,10 +89,20 @@ class Path:
         """How far the coordinate goes where the parameters go a distance of one [1]."""
         return 1.0 / float(np.linalg.norm(self.direction))
 
-    def at(self, value: float) -> Parameters:
+    @property
+    def words(self) -> str:
+        """What the coordinate is, in words."""
+        return WORDS[self.name]
+
+    def at(self, value: float, *, nearest: bool = False) -> Parameters:
         """Return the parameters at a coordinate, beyond the ends, too; ValueError out of range."""
-        return Parameters(*(value if name == self.name else a + (b - a) * value for name, a, b in
-                            zip(Model._fields, self.first.model, self.last.model, strict=True)))
+        # Or the nearest ones in range.
+        there = (value if name == self.name else a + (b - a) * value for name, a, b in zip(
+            Model._fields, self.first.model, self.last.model, strict=True))
+        if nearest:
+            there = (min(max(each, low), high) for each, (low, high) in zip(
+                there, RANGES.values(), strict=True))
+        return Parameters(*there)
 
     def of(self, parameters: Parameters) -> float:
         """Return the coordinate of a point on the path."""
