@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         State as State,
         Wall as Wall,
     )
+    from .core.path import Path as Path
     from .core.stream.lyapunov import RunningLyapunov as RunningLyapunov
     from .core.stream.reconstruction import rebuild as rebuild
     from .core.stream.transients import TransientDetector as TransientDetector
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
     from .studies.transitions import transitions as transitions
 
 __all__ = [
-    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
+    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Path', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'boundary',
     'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'manifolds',
     'motion', 'open_dataset', 'orbit_diagram', 'orbits', 'read_bag', 'read_orbits', 'rebuild',
@@ -68,6 +69,7 @@ MODULES = {
     'bags.reader': ['Bag', 'EVENT_UNITS', 'read_bag'],
     'core.flight.simulation': ['Simulation'],
     'core.model': ['EVENT', 'EventKind', 'Parameters', 'State', 'Wall'],
+    'core.path': ['Path'],
     'core.stream.lyapunov': ['RunningLyapunov'],
     'core.stream.reconstruction': ['rebuild'],
     'core.stream.transients': ['TransientDetector'],

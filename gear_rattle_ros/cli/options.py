@@ -184,8 +184,9 @@ def paths_of(given: argparse.Namespace) -> 'tuple[Path, ...]':
     if len({len(each) for each in windows.values()}) > 1:
         raise ValueError('give as many windows of ' + ' as of '.join(
             f'--{name}' for name in windows))
-    return tuple(Path.over(Parameters(**fixed), **dict(zip(windows, ends, strict=True)))
-                 for ends in zip(*windows.values(), strict=True))
+    return tuple(Path.over(Parameters(**fixed), **{
+        name: each[number] for name, each in windows.items()})
+        for number in range(len(next(iter(windows.values())))))
 
 
 def path_of(given: argparse.Namespace) -> 'Path':
@@ -202,9 +203,9 @@ def add_along(parser: Parser, of: str) -> None:
                         help=f'the parameter of the window --{of}; {MODEL[0]} by default')
 
 
-def path_along(given: argparse.Namespace, window: list[float] | None) -> 'Path | None':
+def path_along(given: argparse.Namespace, window: list[float]) -> 'Path | None':
     from ..core.path import Path
-    return None if window is None else Path.over(model_of(given), **{given.along: tuple(window)})
+    return window and Path.over(model_of(given), **{given.along: (window[0], window[1])})
 
 
 def plane_of(given: argparse.Namespace) -> 'Plane':

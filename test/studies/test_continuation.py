@@ -134,7 +134,8 @@ def test_derivatives_by_the_parameters_in_50_digits(beta):
         by_time, *by = (tuple(mpmath.diff(lambda *x, which=which: flight(*x)[which], there, tuple(
             int(k == n) for k in range(5))) for which in (0, 1)) for n in range(5))
         later = [-moved / by_time[0] for moved, _ in by]
-        exact = [[float(t), float(v + by_time[1] * t)] for t, (_, v) in zip(later, by)]
+        exact = [[float(t), float(v + by_time[1] * t)] for t, (_, v) in zip(
+            later, by, strict=True)]
     found = parameter_derivatives(phase, velocity, d, phase_1, velocity_1, model)
     assert np.array(found) == pytest.approx(np.array(exact), rel=1e-13)
 
@@ -390,9 +391,9 @@ def test_errors_of_crises_are_how_far_off_they_are():
         there = Parameters(alpha=0.572 + rng.uniform(-1e-4, 1e-4))
         herd = watch(there, spread_out(there, np.array([
             state['phase'], state['displacement'], state['velocity']])), hold)
-        end = find_end(herd, 1.0, 1e-3, 0.575, 1e-5, hold)
+        end = find_end(herd, ALPHA, 1.0, 1e-3, 0.575, 1e-5, hold)
         assert end.kind == 'crisis' and end.uncertainty < 2e-5
-        apart.append((end.alpha - 0.572286) / end.uncertainty)
+        apart.append((end.value - 0.572286) / end.uncertainty)
     # Quantiles 0.001 and 0.999 of what is spread evenly over an error to either side, and of what
     # is spread as a Gaussian.
     assert 2.9 < np.sum(np.square(apart)) < 45.3
