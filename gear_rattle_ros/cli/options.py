@@ -205,7 +205,7 @@ def add_along(parser: Parser, of: str) -> None:
 
 def path_along(given: argparse.Namespace, window: list[float]) -> 'Path | None':
     from ..core.path import Path
-    return window and Path.over(model_of(given), **{given.along: (window[0], window[1])})
+    return Path.over(model_of(given), **{given.along: (window[0], window[1])}) if window else None
 
 
 def plane_of(given: argparse.Namespace) -> 'Plane':

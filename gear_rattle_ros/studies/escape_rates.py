@@ -64,7 +64,7 @@ def fit_law(places: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) 
     return dataclasses.replace(
         law,
         critical_error=max(law.critical_error, _jackknife([one.critical for one in others]),
-                          abs(near.critical - law.critical), nearest),
+                           abs(near.critical - law.critical), nearest),
         exponent_error=max(law.exponent_error, _jackknife([one.exponent for one in others]),
                            abs(near.exponent - law.exponent)))
 
