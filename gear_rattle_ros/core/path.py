@@ -91,7 +91,7 @@ class Path:
 
     @property
     def words(self) -> str:
-        """What the coordinate is, in words."""
+        """Return what the coordinate is, in words."""
         return WORDS[self.name]
 
     def at(self, value: float, *, nearest: bool = False) -> Parameters:

@@ -131,8 +131,8 @@ def find_ending(path: Path, plane: Plane, key: str, seed: int
                 f'ends at {end.value:.6f}: {end.kind}' if end else 'lasts all along'))
     raise ValueError(
         f'no crisis of {key or "a chaotic attractor"} between {path.name} = {path.ends[0]:g} and '
-        f'{path.ends[1]:g}; chaotic there: {", ".join(seen) or "nothing"}; give another window, '
-        f'such as --{path.varied[0]}')
+        f'{path.ends[1]:g}; chaotic there: {", ".join(seen) or "nothing"}; give another --'
+        + ' and --'.join(path.varied))
 
 
 def attributes_of(tangency: Tangency) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def transitions(paths: tuple[Path, ...], plane: Plane | None = None, *, columns:
     plane, work = plane or Plane(), Work(**options)
     if work.cluster:
         raise ValueError('the searches run on this machine; leave out --cluster')
-    alike = {tuple((name, name in each.varied or getattr(each.first, name))
+    alike = {tuple(None if name in each.varied else getattr(each.first, name)
                    for name in Model._fields) for each in paths}
     if len(alike) != 1:
         raise ValueError(f'{counted(len(paths), "path")}: give one or more, on which the same '
@@ -118,7 +118,7 @@ def transitions(paths: tuple[Path, ...], plane: Plane | None = None, *, columns:
 
 def find_transitions(diagram: Diagram, tolerance: float, hold: int, work: Work
                      ) -> tuple[list[Transition], dict[int, str]]:
-    """Find the transitions in a window, by attractor and alpha; and letters of attractors."""
+    """Find the transitions on a path, by attractor and place; and letters of attractors."""
     here = '{} in {:g} to {:g}'.format(NAME, *diagram.path.ends)
     store = compute(diagram, Work(threads=work.threads, progress=work.progress),
                     f'{here}, columns')
