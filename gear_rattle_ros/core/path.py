@@ -111,6 +111,11 @@ class Path:
         way = np.subtract(parameters.model, self.first.model)
         return float(way @ self.direction * self.unit**2)
 
+    def meets(self, parameters: Parameters) -> bool:
+        """Whether a point lies on the straight line of the path."""
+        there = self.at(self.of(parameters), nearest=True)
+        return bool(np.allclose(there.model, parameters.model, rtol=0.0, atol=1e-12))
+
     def values(self, count: int) -> FloatArray:
         """Return equally spaced coordinates, both ends included."""
         return np.linspace(*self.ends, count)

@@ -113,16 +113,6 @@ def path_attributes(name: str, path: Path | None) -> dict[str, Any]:
             f'{name}_from': list(path.first.model), f'{name}_to': list(path.last.model)}
 
 
-def require_on(path: Path, parameters: Parameters, words: str) -> None:
-    """Refuse a path that does not go through the model, with a ValueError."""
-    value = path.of(parameters)
-    low, high = path.ends
-    if not low <= value <= high or not np.allclose(path.at(value).model, parameters.model,
-                                                   rtol=0.0, atol=1e-12):
-        raise ValueError(f'{path.name} {value:g} is not in the window of {words} {low:g} to '
-                         f'{high:g}; widen it')
-
-
 def swept(attributes: Mapping[str, Any]) -> str:
     """Return the coordinate of a sweep, from the attributes of its dataset."""
     varied = [name for name in Model._fields if name not in attributes]

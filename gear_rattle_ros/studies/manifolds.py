@@ -107,6 +107,8 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
                                    ('precision', precision, 1e-6, 0.1)):
         if not low <= value <= high:
             raise ValueError(f'{name} = {value:g} is not between {low:g} and {high:g}')
+    if touch is not None and not touch.meets(parameters):
+        raise ValueError('the path of the first touch does not lead through the model')
     saddle = saddle_of(find_saddle(parameters, orbit, point, period))
     work = Work(**options)
     store, catalogue = basins.compute_basins(

@@ -91,7 +91,10 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     if to is not None:
         asked['to'] = require_finite('to', to, 0.0, ALPHA_MAXIMUM)
     if erosion is not None:
-        attractors.require_on(erosion, parameters, 'erosion')
+        (low, high), value = erosion.ends, erosion.of(parameters)
+        if not (low <= value <= high and erosion.meets(parameters)):
+            raise ValueError(f'{erosion.name} {value:g} is not in the window of erosion {low:g} '
+                             f'to {high:g}; widen it')
         asked |= {**attractors.path_attributes('erosion_window', erosion), 'columns': columns,
                   'trajectories': trajectories}
     work, plane = Work(**options), Section(**vars(plane or Plane(phases=200, velocities=200)))

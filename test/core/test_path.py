@@ -43,6 +43,7 @@ def test_several_parameters_go_straight_from_one_point_to_the_other():
             [(1.0 - value) * a + value * b for a, b in zip(
                 FIRST.model, LAST.model, strict=True)], abs=1e-15)
         assert path.of(path.at(value)) == pytest.approx(value, abs=1e-15)
+        assert path.meets(path.at(value)) and not path.meets(Parameters(0.5, 0.1, 0.0, 0.8))
     h = 1e-3
     assert path.direction == pytest.approx(
         np.subtract(path.at(0.5 + h).model, path.at(0.5 - h).model) / (2.0 * h), abs=1e-12)
