@@ -24,7 +24,7 @@ next to the lanes, with as many trajectories. Run it as: python benchmark/crisis
 from concurrent.futures import ThreadPoolExecutor
 import ctypes
 import math
-from pathlib import Path
+import pathlib
 import shutil
 import subprocess
 import tempfile
@@ -37,11 +37,12 @@ from gear_rattle_ros.core.flight.lanes import new_tiles
 from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.orbit import Orbit
+from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.studies.crisis import find_ending, radius_of
 from gear_rattle_ros.studies.tangency import carry, Contact, Tangency, touch
 
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9
-LOW, HIGH = 1.24, 1.25
+PATH = Path.over(alpha=(1.24, 1.25))
 ALPHAS = (1.2347058, 1.240, 1.243, 1.2431, 1.2433, 1.2436, 1.244)
 TRAJECTORIES, LIMIT, SKIP = 64, 40_000, 300
 STEP = 0.02
@@ -103,7 +104,7 @@ def saddle_by_scipy(guess, wall, period, alpha):  # type: ignore[no-untyped-def]
 def edge_by_scipy(contact: Contact, place: float, impacts: int, seed: float, alpha: float
                   ) -> float:
     """Return how far the unstable manifold goes beyond the stable one near a place on it."""
-    guess = carry(contact.target.orbit, alpha)
+    guess = carry(contact.target.orbit, PATH, alpha)
     wall = -float(guess.walls[0])
     period = guess.impacts
     point, derivative = saddle_by_scipy(guess.points[0], wall, period, alpha)
@@ -129,16 +130,16 @@ def edge_by_scipy(contact: Contact, place: float, impacts: int, seed: float, alp
 def compare_tangency() -> tuple[Orbit, Tangency]:
     """Print where the manifolds touch, by both programs; return the captor, and the tangency."""
     begin = time.perf_counter()
-    _, end, (captor, *_) = find_ending(Parameters(), (LOW, HIGH), Plane(displacement=-0.5), '', 1)
+    _, end, (captor, *_) = find_ending(PATH, Plane(displacement=-0.5), '', 1)
     ours = touch(end, lambda count: None)
     spent = time.perf_counter() - begin
-    print(f'tangency, ours:          alpha_c = {ours.alpha:.10f} +- {ours.uncertainty:.0e}  '
+    print(f'tangency, ours:          alpha_c = {ours.value:.10f} +- {ours.uncertainty:.0e}  '
           f'({spent:.0f} s)', flush=True)
     begin = time.perf_counter()
     # Not the same point of the manifold: farther out, where rounding grows less.
     seed = 1e-5
     turns = math.log(seed / 1e-6) / math.log(ours.contact.source.expansion)
-    alphas = [ours.alpha - 2e-6, ours.alpha + 2e-6]
+    alphas = [ours.value - 2e-6, ours.value + 2e-6]
     places = [ours.edge.place - turns] * 2
     edges = [edge_by_scipy(ours.contact, place, ours.edge.impacts, seed, alpha)
              for place, alpha in zip(places, alphas, strict=True)]
@@ -147,11 +148,11 @@ def compare_tangency() -> tuple[Orbit, Tangency]:
     spent = time.perf_counter() - begin
     print(f'tangency, scipy DOP853:  alpha_c = {peer:.10f}; at -2e-6 {edges[0]:+.2e}, at +2e-6 '
           f'{edges[1]:+.2e} across the stable manifold  ({spent:.0f} s)')
-    print(f'difference {peer - ours.alpha:+.1e}', flush=True)
+    print(f'difference {peer - ours.value:+.1e}', flush=True)
     return captor, ours
 
 
-def library(folder: Path) -> ctypes.CDLL | None:
+def library(folder: pathlib.Path) -> ctypes.CDLL | None:
     """Build the scan."""
     compiler = shutil.which('cc')
     if compiler is None:
@@ -159,7 +160,7 @@ def library(folder: Path) -> ctypes.CDLL | None:
         return None
     path = folder / 'scan.so'
     subprocess.run([compiler, '-O3', '-shared', '-fPIC', '-o', str(path),
-                    str(Path(__file__).with_name('crisis_scan.c')), '-lm'], check=True)
+                    str(pathlib.Path(__file__).with_name('crisis_scan.c')), '-lm'], check=True)
     scan = ctypes.CDLL(str(path))
     scan.escape.restype = ctypes.c_long
     scan.escape.argtypes = [ctypes.c_double] * 3 + [ctypes.c_long] + [ctypes.c_double] * 5
@@ -189,7 +190,7 @@ def compare_escapes(captor: Orbit, tangency: Tangency, scan: ctypes.CDLL) -> Non
                 start['phase'], start['displacement'], start['velocity'], LIMIT, alpha, BETA,
                 GAMMA, RESTITUTION, STEP), initial))
         lifetimes, fates, _ = last_until_captured(
-            new_tiles(1)[0], initial, carry(captor, alpha).points,
+            new_tiles(1)[0], initial, carry(captor, PATH, alpha).points,
             np.array([captor.impacts]), radius_of(captor, tangency), SKIP, TRAJECTORIES, LIMIT)
         ours = np.where(fates == CAPTURED, lifetimes, -1)
         print(f'{alpha:10.7f}  {rate(peer):38s}  {rate(ours):38s}', flush=True)
@@ -204,7 +205,7 @@ def main() -> None:
         return
     captor, tangency = compare_tangency()
     with tempfile.TemporaryDirectory() as folder:
-        scan = library(Path(folder))
+        scan = library(pathlib.Path(folder))
         if scan is not None:
             compare_escapes(captor, tangency, scan)
 

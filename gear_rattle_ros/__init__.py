@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         State as State,
         Wall as Wall,
     )
+    from .core.path import Path as Path
     from .core.stream.lyapunov import RunningLyapunov as RunningLyapunov
     from .core.stream.reconstruction import rebuild as rebuild
     from .core.stream.transients import TransientDetector as TransientDetector
@@ -56,11 +57,11 @@ if TYPE_CHECKING:
     from .studies.transitions import transitions as transitions
 
 __all__ = [
-    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Gears', 'Parameters', 'Plane',
-    'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins', 'boundary',
-    'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes', 'manifolds',
-    'motion', 'open_dataset', 'orbit_diagram', 'orbits', 'read_bag', 'read_orbits', 'rebuild',
-    'saddle', 'save', 'section', 'stability', 'transitions', '__version__',
+    'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Gears', 'Parameters', 'Path',
+    'Plane', 'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
+    'boundary', 'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes',
+    'manifolds', 'motion', 'open_dataset', 'orbit_diagram', 'orbits', 'read_bag', 'read_orbits',
+    'rebuild', 'saddle', 'save', 'section', 'stability', 'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -70,6 +71,7 @@ MODULES = {
     'core.flight.simulation': ['Simulation'],
     'core.gears': ['Gears'],
     'core.model': ['EVENT', 'EventKind', 'Parameters', 'State', 'Wall'],
+    'core.path': ['Path'],
     'core.stream.lyapunov': ['RunningLyapunov'],
     'core.stream.reconstruction': ['rebuild'],
     'core.stream.transients': ['TransientDetector'],

@@ -36,11 +36,13 @@ def _add_options(parser: Parser) -> None:
                         help='impacts of a period of the orbit near the --point; that of the '
                         'nearest one by default')
     parser.add_argument('--touch', type=number, nargs=2, metavar=('A', 'B'),
-                        help='find the alpha between these at which the manifolds first touch, '
+                        help='find the value between these at which the manifolds first touch, '
                         'where the boundary becomes fractal')
+    options.add_along(parser, 'touch')
     options.add_grid(parser, BASINS_CAP)
     options.add_search(parser)
 
 
 main = Command('manifolds', 'Draw the stable and unstable manifolds of a saddle over the basins.',
-               _add_options)
+               _add_options,
+               keywords=lambda given: {'touch': options.path_along(given, given.touch)})

@@ -15,7 +15,8 @@
 """Options that the commands share: the model, the plane, windows, seeds, numbers."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import itertools
 import math
 from typing import Any, Final, TYPE_CHECKING
 
@@ -26,8 +27,10 @@ from ..gear_pairs import add_gears
 if TYPE_CHECKING:
     from ..attractors.plane import Plane
     from ..core.model import Parameters
+    from ..core.path import Path
 
 GREATEST: Final = 2**31 - 1
+MODEL: Final = ('alpha', 'beta', 'gamma', 'restitution')
 
 
 def number(text: str) -> float:
@@ -70,15 +73,38 @@ def add(group: Any, name: str, read: Callable[[str], Any], standard: Any, words:
         **({'nargs': 2, 'metavar': tuple(letters)} if len(values) == 2 else {'metavar': single}))
 
 
-def add_model(parser: Parser, alpha: float | tuple[float, float] | None = defaults.ALPHA,
-              words: str = 'amplitude of the drive') -> None:
-    """Add the options of the model; a tuple is a window of amplitudes; none leaves them out."""
-    group = parser.add_argument_group('model')
-    if alpha is not None:
-        add(group, 'alpha', number, alpha, f'{words} [1]')
-    add(group, 'beta', number, defaults.BETA, 'damping [1]')
-    add(group, 'gamma', number, defaults.GAMMA, 'constant load [1]')
-    add(group, 'restitution', number, defaults.RESTITUTION, 'coefficient of restitution [1]')
+class _Values(argparse.Action):
+    """One value is a number, several are a list; windows are a list of tuples."""
+
+    def __call__(self, parser: argparse.ArgumentParser, given: argparse.Namespace, values: Any,
+                 option: str | None = None) -> None:
+        before, takes_windows = getattr(given, self.dest), isinstance(self.metavar, tuple)
+        if takes_windows and len(values) > 2:
+            parser.error(f'{option} takes a value or a window of two, not {len(values)}')
+        if len(values) == 1:
+            values, = values
+        elif takes_windows:
+            values = [*(before if isinstance(before, list) else ()), tuple(values)]
+        setattr(given, self.dest, values)
+
+
+def add_model(parser: Parser, alpha: float = defaults.ALPHA,
+              windows: tuple[tuple[float, float], ...] = (), words: str = '') -> None:
+    """Add the options of the model; with windows of alpha each option takes one, too."""
+    group = parser.add_argument_group(
+        'model', 'Each option takes a value or a window of two; with several windows the sweep '
+        'goes straight from all first values to all last ones, and --mark and accuracies are in '
+        'parts of that way.' if windows else 'Each option takes one value or several, in turn.')
+    for name, standard, what in (
+            ('alpha', windows or alpha, 'amplitude of the drive'),
+            ('beta', defaults.BETA, 'damping'), ('gamma', defaults.GAMMA, 'constant load'),
+            ('restitution', defaults.RESTITUTION, 'coefficient of restitution')):
+        shown = ' and '.join('{:g} {:g}'.format(*each) for each in windows)
+        group.add_argument(
+            f'--{name}', type=number, nargs='+', action=_Values, default=standard,
+            metavar=('A', 'B') if windows else 'X', help=f'{what} [1]' + (
+                f'{words}; {standard:g} by default' if isinstance(standard, float) else
+                f'{words}; {shown} by default, {alpha:g} where another one has a window'))
     add_gears(parser, number)
 
 
@@ -138,12 +164,57 @@ def hold_of(given: argparse.Namespace) -> dict[str, int]:
 
 
 def model_of(given: argparse.Namespace) -> 'Parameters':
-    """Read the parameters of the model; of windows of alpha the highest end is taken."""
     from ..core.model import Parameters
-    alpha = given.alpha
-    while not isinstance(alpha, float):
-        alpha = max(alpha)
-    return Parameters(alpha, given.beta, given.gamma, given.restitution)
+    return Parameters(given.alpha, given.beta, given.gamma, given.restitution)
+
+
+def one_by_one(given: argparse.Namespace) -> Iterator[tuple[argparse.Namespace, str]]:
+    """Give each combination of values where several were typed, and what to name it by."""
+    asked: dict[str, Any] = {name: getattr(given, name) for name in MODEL}
+    several = {name: values for name, values in asked.items()
+               if isinstance(values, list) and isinstance(values[0], float)}
+    for values in itertools.product(*several.values()):
+        chosen = dict(zip(several, values, strict=True))
+        yield (argparse.Namespace(**{**vars(given), **chosen}),
+               ''.join(f'-{name}-{value:g}' for name, value in chosen.items()))
+
+
+def paths_of(given: argparse.Namespace) -> 'tuple[Path, ...]':
+    """Read the windows of a sweep; that of alpha by default gives way to any other."""
+    from ..core.model import Parameters
+    from ..core.path import Path
+    asked: dict[str, Any] = {name: getattr(given, name) for name in MODEL}
+    fixed = {name: value for name, value in asked.items() if isinstance(value, float)}
+    windows: dict[str, Any] = next(filter(None, (
+        {name: each for name, each in asked.items() if isinstance(each, kind)}
+        for kind in (list, tuple))), {})
+    if not windows:
+        raise ValueError('no parameter has a window; give one two values, such as --beta 0.1 0.2')
+    if len({len(each) for each in windows.values()}) > 1:
+        raise ValueError('give as many windows of ' + ' as of '.join(
+            f'--{name}' for name in windows))
+    return tuple(Path.over(Parameters(**fixed), **{
+        name: each[number] for name, each in windows.items()})
+        for number in range(len(next(iter(windows.values())))))
+
+
+def path_of(given: argparse.Namespace) -> 'Path':
+    """Read the one path of a sweep."""
+    path, *others = paths_of(given)
+    if others:
+        raise ValueError(f'give one window of --{path.varied[0]}, not {1 + len(others)}')
+    return path
+
+
+def add_along(parser: Parser, of: str) -> None:
+    """Add the option that says which parameter the window of another option is of."""
+    parser.add_argument('--along', choices=MODEL, default=MODEL[0],
+                        help=f'the parameter of the window --{of}; {MODEL[0]} by default')
+
+
+def path_along(given: argparse.Namespace, window: list[float]) -> 'Path | None':
+    from ..core.path import Path
+    return Path.over(model_of(given), **{given.along: (window[0], window[1])}) if window else None
 
 
 def plane_of(given: argparse.Namespace) -> 'Plane':

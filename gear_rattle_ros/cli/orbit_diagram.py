@@ -23,24 +23,24 @@ SWEEPS = ('random', 'up', 'down')
 
 
 def _add_options(parser: Parser) -> None:
-    options.add_model(parser, (0.47, 0.60), 'window of alpha')
-    add(parser, 'columns', whole(2), 780, 'number of amplitudes')
+    options.add_model(parser, windows=((0.47, 0.60),))
+    add(parser, 'columns', whole(2), 780, 'number of values, evenly spaced')
     add(parser, 'bins', whole(1), 900, 'bins of the velocity')
     add(parser, 'bin-window', number, (-1.5, 1.5), 'velocities counted [1]')
     add(parser, 'hold', whole(1000), 10_000, 'impacts after which a trajectory is unsettled; in '
         '32 times as many nothing may leave a chaotic attractor')
     add(parser, 'skip', whole(1), 5000, 'fewest impacts passed over where nothing settles')
     add(parser, 'keep', whole(1), 2048, 'impacts of each trajectory counted after that')
-    add(parser, 'trajectories', whole(1), 32, 'trajectories at each alpha')
+    add(parser, 'trajectories', whole(1), 32, 'trajectories at each value')
     # The random ones were called starts.
     parser.add_argument('--sweep', dest='sweeps', nargs='+', choices=SWEEPS, default=SWEEPS,
                         type=lambda text: 'random' if text == 'starts' else text,
-                        help='random initial conditions at each alpha, or followed up and down; '
+                        help='random initial conditions at each value, or followed up and down; '
                         'all by default')
     options.add_plane(parser)
     options.add_seed(parser)
 
 
-main = Command('orbit_diagram', 'Count impact velocities against alpha, from many initial '
+main = Command('orbit_diagram', 'Count impact velocities against a parameter, from many initial '
                'conditions and followed up and down, with the largest exponent.',
                _add_options, keywords=options.hold_of)

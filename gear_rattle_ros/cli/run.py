@@ -29,7 +29,7 @@ import shlex
 import sys
 from typing import Any, Final, TYPE_CHECKING
 
-from .options import model_of, number, plane_of, whole
+from .options import model_of, number, one_by_one, path_of, paths_of, plane_of, whole
 from .refusal import attempt, INTERRUPTED, Parser
 from ..gear_pairs import parse
 from ..places import typed
@@ -64,13 +64,20 @@ class Command:
             add_picture(parser)
             add_views(parser)
 
-        def action() -> int:
+        def run() -> int:
             given = parse(parser, words)
-            name = _name(self.name, {each.dest: each.default for each in asked}, given)
-            given.output = given.output or Path(f'{name}.zarr')
-            return self._run(given, words)
+            defaults = {each.dest: each.default for each in asked}
+            for one, mark in one_by_one(given):
+                one.output = _marked(given.output, mark) or Path(
+                    f'{_name(self.name, defaults, one)}.zarr')
+                if self.has_picture:
+                    one.picture = _marked(given.picture, mark)
+                status = self._run(one, words)
+                if status:
+                    return status
+            return 0
 
-        return attempt(self.name, action)
+        return attempt(self.name, run)
 
     def _run(self, given: argparse.Namespace, words: list[str]) -> int:
         drawn = getattr(given, 'picture', None)
@@ -83,9 +90,8 @@ class Command:
                 planes = self.planes(given)
                 for level, plane in enumerate(planes):
                     number = f'-{level}' if len(planes) > 1 else ''
-                    path = output.with_name(f'{output.stem}{number}{output.suffix}')
-                    picture = drawn and drawn.with_name(f'{drawn.stem}{number}{drawn.suffix}')
-                    self._study(given, plane, path, picture, command)
+                    path = _marked(output, number)
+                    self._study(given, plane, path, _marked(drawn, number), command)
             return 0
         except KeyboardInterrupt:
             return _report_stop(self.name, path, words)
@@ -97,16 +103,17 @@ class Command:
         takes = inspect.signature(study).parameters
         keywords = {name: tuple(value) if isinstance(value, list) else value
                     for name, value in vars(given).items() if name in takes} | {'plane': plane}
-        if 'alphas' in takes:
-            keywords['alphas'] = tuple(given.alpha)
-        parameters = model_of(given)
+        read: Callable[[argparse.Namespace], Any] = next((
+            read for name, read in (('path', path_of), ('paths', paths_of)) if name in takes),
+            model_of)
+        model = read(given)
         if given.pair is not None:
-            if given.pair.parameters != parameters:
-                given.pair = given.pair.with_parameters(parameters)
+            if read is model_of and given.pair.parameters != model:
+                given.pair = given.pair.with_parameters(model)
             keywords['gears'] = given.pair
             print(given.pair.describe())
         store = study.compute(
-            parameters, **keywords | self.keywords(given), store=output,
+            model, **keywords | self.keywords(given), store=output,
             resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
@@ -117,11 +124,16 @@ class Command:
                 print(path)
 
 
+def _marked(path: Path | None, mark: str) -> Any:
+    return path and path.with_name(f'{path.stem}{mark}{path.suffix}')
+
+
 def _add_run(parser: Parser) -> None:
     group = parser.add_argument_group('running')
     group.add_argument('--output', type=Path, metavar='DIR.zarr',
                        help='the store, by default named after the tool, alpha and every '
-                       'other option that changes the result; an existing one that answers the '
+                       'other option that changes the result (of several values, a store for '
+                       'each); an existing one that answers the '
                        'same question is continued, or drawn again')
     # Older versions continued a store only when they were told to.
     group.add_argument('--resume', action='store_true', help=argparse.SUPPRESS)
@@ -166,7 +178,7 @@ def add_views(parser: Parser) -> None:
     group.add_argument('--draw', choices=('velocity', 'exponent', 'both', 'impacts'),
                        help='of an orbit diagram the velocity, the exponent or both; of the '
                        'section of one trajectory its impacts in turn')
-    group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark amplitudes, or '
+    group.add_argument('--mark', type=number, nargs='+', metavar='X', help='mark values, or '
                        'the window of a magnification: two phases and two velocities, or on a '
                        'strobe two displacements first')
     group.add_argument('--transitions', type=Path, metavar='STORE.zarr', help='mark in a diagram '

@@ -30,12 +30,14 @@ def _add_options(parser: Parser) -> None:
     parser.add_argument('--to', type=number, metavar='X',
                         help='an amplitude to which alpha jumps: where trajectories go then')
     parser.add_argument('--erosion', type=number, nargs=2, metavar=('A', 'B'),
-                        help='window of alpha in which shares and smallest kicks are followed')
-    add(parser, 'columns', whole(2), 41, 'amplitudes of that window')
+                        help='window in which shares and smallest kicks are followed')
+    options.add_along(parser, 'erosion')
+    add(parser, 'columns', whole(2), 41, 'values in that window')
     add(parser, 'trajectories', whole(1), 2000, 'random initial conditions at each of them')
     parser.add_argument('--omega', type=number, metavar='X',
                         help='angular frequency of the drive [rad/s]: times are in seconds, too')
 
 
 main = Command('stability', 'Find how far attractors are from being left: basin stability, '
-               'settling times, smallest kicks, discs, erosion, tipping.', _add_options)
+               'settling times, smallest kicks, discs, erosion, tipping.', _add_options,
+               keywords=lambda given: {'erosion': options.path_along(given, given.erosion)})

@@ -30,6 +30,9 @@ STICKING_SPEED: Final = 1e-10
 ALPHA_MAXIMUM: Final = 1000.0
 BETA_MAXIMUM: Final = 100.0
 GAMMA_MAXIMUM: Final = 1000.0
+RANGES: Final = {
+    'alpha': (0.0, ALPHA_MAXIMUM), 'beta': (0.0, BETA_MAXIMUM),
+    'gamma': (-GAMMA_MAXIMUM, GAMMA_MAXIMUM), 'restitution': (0.0, 1.0)}
 VELOCITY_MAXIMUM: Final = 1e4
 
 
@@ -109,10 +112,7 @@ class Parameters:
     restitution: float = 0.9  #: Coefficient of restitution r [1], 0 to 1.
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ('alpha', 0.0, ALPHA_MAXIMUM), ('beta', 0.0, BETA_MAXIMUM),
-            ('gamma', -GAMMA_MAXIMUM, GAMMA_MAXIMUM), ('restitution', 0.0, 1.0),
-        ):
+        for name, (low, high) in RANGES.items():
             object.__setattr__(self, name, require_finite(name, getattr(self, name), low, high))
 
     @property

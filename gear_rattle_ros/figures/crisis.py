@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures of crises: lifetimes against alpha, and the law."""
+"""Pictures of crises: lifetimes along the path, and the law."""
 
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,7 @@ import numpy as np
 
 from .style import add_axes, Looks, new_figure, thousands
 from ..palette import GREY
+from ..studies.attractors import swept
 
 if TYPE_CHECKING:
     import xarray
@@ -31,30 +32,31 @@ WIDTH, HEIGHT = 900, 640
 
 def draw_law(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw mean lifetimes against the distance from the crisis, with the law."""
-    a = dataset.attrs
-    alphas, rates = dataset['alpha'].values[1:], dataset['escape_rate'].values[1:]
+    a, axis = dataset.attrs, swept(dataset.attrs)
+    touch, place = a[f'tangency_{axis}'], a[f'law_{axis}_c']
+    places, rates = dataset[axis].values[1:], dataset['escape_rate'].values[1:]
     errors = dataset['escape_rate_error'].values[1:]
     some = rates > 0.0
     direction = a['direction']
-    beyond = direction * (alphas - a['tangency_alpha'])
+    beyond = direction * (places - touch)
     figure = new_figure(WIDTH, HEIGHT, looks)
     axes = add_axes(figure, 130, 80, WIDTH - 170, HEIGHT - 150)
     axes.errorbar(beyond[some], 1.0 / rates[some], yerr=(errors / rates**2)[some], fmt='o',
                   color=looks.hue(0), markersize=5, capsize=3,
                   label='mean lifetime from escapes over impacts at risk, ± standard error')
     x = np.geomspace(0.7 * beyond[0], 1.4 * beyond[-1], 200)
-    shifted = x + direction * (a['tangency_alpha'] - a['law_alpha_c'])
+    shifted = x + direction * (touch - place)
     axes.plot(x[shifted > 0], 1.0 / (a['law_scale'] * shifted[shifted > 0]**a['law_exponent']),
-              color=looks.hue(1), label=f'law with alpha_c = {a["law_alpha_c"]:.7f} ± '
-              f'{a["law_alpha_c_error"]:.1g} and exponent {a["law_exponent"]:.2f} ± '
+              color=looks.hue(1), label=f'law with {axis}_c = {place:.7f} ± '
+              f'{a[f"law_{axis}_c_error"]:.1g} and exponent {a["law_exponent"]:.2f} ± '
               f'{a["law_exponent_error"]:.2f}, all fitted')
     # Anchored at the middle of the rates.
     middle = np.exp(np.mean(np.log(rates[some] * beyond[some]**-a['tangency_exponent'])))
     axes.plot(x, 1.0 / (middle * x**a['tangency_exponent']), '--', color=GREY,
               label=f'slope {a["tangency_exponent"]:.3f} of the {a["tangency"]} tangency')
     axes.set(xscale='log', yscale='log')
-    axes.set_xlabel(f'distance from alpha = {a["tangency_alpha"]:.8f}, where the manifolds touch '
-                    '[1]', fontsize=12)
+    axes.set_xlabel(f'distance from {axis} = {touch:.8f}, where the manifolds touch [1]',
+                    fontsize=12)
     axes.set_ylabel('mean lifetime of the transient [impacts]', fontsize=12)
     axes.yaxis.set_major_formatter(FuncFormatter(thousands))
     axes.grid(which='both', color='#e8e8e8', linewidth=0.6)

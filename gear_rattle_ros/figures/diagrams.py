@@ -28,9 +28,12 @@ from . import style
 from .style import add_axes, BOTTOM, Looks, new_figure, RIGHT, TOP
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
+from ..core.model import Model
 from ..core.orbits.letters import LETTERS
+from ..core.path import SEVERAL
 from ..core.words import counted
 from ..palette import GREY
+from ..studies.attractors import swept
 from ..studies.diagram import KINDS
 
 if TYPE_CHECKING:
@@ -54,15 +57,15 @@ MARKS: Final = {
     'X': ('crisis', ('crisis',))}
 # Room for their legend [pixels].
 MARKED: Final = 26
-ALPHA_LABEL: Final = 'amplitude of the drive, alpha [1]'
-SWEEPS: Final = {'random': 'from many initial conditions at each alpha',
-                 'up': 'followed upwards in alpha', 'down': 'followed downwards'}
+SWEEPS: Final = {'random': 'from many initial conditions at each {}',
+                 'up': 'followed upwards in {}', 'down': 'followed downwards'}
 
 
 def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     exponent, raster = looks.draw != 'velocity', looks.draw != 'exponent'
     sweeps = [str(name) for name in dataset['sweep'].values]
-    columns, bins = len(dataset['alpha'].values), len(dataset['velocity'].values)
+    axis = swept(dataset.attrs)
+    columns, bins = len(dataset[axis].values), len(dataset['velocity'].values)
     width = style.scaled(columns, WIDTH)
     merged = max(1, round(bins * len(sweeps) / TALLEST))
     height = bins // merged * max(1, round(HEIGHT * merged / bins)) if raster else 0
@@ -80,7 +83,7 @@ def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         panels[-1].tick_params(labelbottom=False)
         draw_raster(panels[-1], dataset, k, merged, looks)
         if len(sweeps) > 1:
-            panels[-1].text(0.01, 0.02, SWEEPS.get(sweep, sweep),
+            panels[-1].text(0.01, 0.02, SWEEPS.get(sweep, sweep).format(axis),
                             transform=panels[-1].transAxes, color=GREY)
         bottom -= GAP
     if exponent:
@@ -89,7 +92,7 @@ def draw_diagram(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for panel in panels:
         _mark(panel, dataset, looks)
     panels[-1].tick_params(labelbottom=True)
-    panels[-1].set_xlabel(ALPHA_LABEL, fontsize=12)
+    panels[-1].set_xlabel(_label(dataset), fontsize=12)
     _legend(panels[0], dataset, looks)
     if marked:
         figure.legend(handles=_mark_transitions(panels[0], looks), loc='lower center',
@@ -102,13 +105,13 @@ def draw_raster(axes: Axes, dataset: 'xarray.Dataset', sweep: int, merged: int, 
                 ) -> None:
     """Draw counts of impacts, each attractor in a hue of its own."""
     counts = dataset['count'].values[sweep]
-    alphas, velocities = dataset['alpha'].values, dataset['velocity'].values
+    places, velocities = dataset[swept(dataset.attrs)].values, dataset['velocity'].values
     bins = len(velocities) // merged
-    picture = np.ones((bins, len(alphas), 3))
-    strength = np.zeros((bins, len(alphas)))
+    picture = np.ones((bins, len(places), 3))
+    strength = np.zeros((bins, len(places)))
     for mine, colour in _coloured(dataset, sweep, looks):
         own = np.asarray(np.sum(counts * mine[:, :, None], axis=1), np.float64)
-        own = own[:, :bins * merged].reshape(len(alphas), bins, merged).sum(axis=2)
+        own = own[:, :bins * merged].reshape(len(places), bins, merged).sum(axis=2)
         # In steps of a tenth: what differs by rounding has one shade.
         with np.errstate(divide='ignore'):
             level = np.log(own / np.maximum(1.0, own.sum(axis=1, keepdims=True)))
@@ -117,42 +120,42 @@ def draw_raster(axes: Axes, dataset: 'xarray.Dataset', sweep: int, merged: int, 
         picture[above] = style.shade(colour, share)[above]
         strength[above] = share[above]
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
-                extent=_extent(alphas, velocities))
+                extent=_extent(places, velocities))
     axes.set_ylabel(style.VELOCITY_LABEL, fontsize=12)
     for number, letter in _letters(dataset).items():
         # Above the fastest impacts, where it does not meet the next one yet.
-        places = np.argwhere(dataset['attractor'].values[sweep] == number)
-        if len(places) >= RARE * len(alphas) and (letter in 'ABC' or not looks.is_paper):
-            column, slot = places[len(places) // 4]
-            axes.annotate(letter, (alphas[column], velocities[np.flatnonzero(
+        cells = np.argwhere(dataset['attractor'].values[sweep] == number)
+        if len(cells) >= RARE * len(places) and (letter in 'ABC' or not looks.is_paper):
+            column, slot = cells[len(cells) // 4]
+            axes.annotate(letter, (places[column], velocities[np.flatnonzero(
                 counts[column, slot])[-1]]), (0, 5), textcoords='offset points', ha='center',
                 color=looks.ink(number), fontsize=13, fontweight='bold')
 
 
 def draw_exponents(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
     """Draw the largest exponent of every attractor of the first sweep with its error."""
-    alphas = dataset['alpha'].values
+    places = dataset[swept(dataset.attrs)].values
     exponents, errors = (dataset[name].values[0] for name in ('exponent', 'exponent_error'))
     axes.axhline(0.0, color='black', linewidth=0.8)
     for mine, colour in _coloured(dataset, 0, looks):
         line, band = (_of(mine, values) for values in (exponents, errors))
-        if np.count_nonzero(np.isfinite(line)) < RARE * len(alphas):
-            axes.plot(alphas, line, '.', color=colour, markersize=2)
+        if np.count_nonzero(np.isfinite(line)) < RARE * len(places):
+            axes.plot(places, line, '.', color=colour, markersize=2)
             continue
-        axes.fill_between(alphas, line - band, line + band, color=colour, alpha=0.3, linewidth=0)
-        axes.plot(alphas, line, color=colour, linewidth=0.9)
-    half = 0.5 * (alphas[1] - alphas[0])
-    axes.set_xlim(alphas[0] - half, alphas[-1] + half)
+        axes.fill_between(places, line - band, line + band, color=colour, alpha=0.3, linewidth=0)
+        axes.plot(places, line, color=colour, linewidth=0.9)
+    half = 0.5 * (places[1] - places[0])
+    axes.set_xlim(places[0] - half, places[-1] + half)
     axes.set_ylabel('largest exponent\nper impact [1]', fontsize=12)
     axes.grid(color='#e4e4e4', linewidth=0.6)
     axes.set_axisbelow(True)
 
 
 def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
-    """Draw the shares of the attractors against alpha, with what happens to them."""
+    """Draw the shares of the attractors along the path, with what happens to them."""
     if looks.draw:
         return draw_diagram(dataset, looks)
-    alphas = dataset['alpha'].values
+    places = dataset[swept(dataset.attrs)].values
     shares = dataset['share'].values[0]
     count = dataset.attrs['trajectories']
     panels = [draw_panel for name, draw_panel in (('kick', _draw_kicks),
@@ -164,20 +167,20 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for mine, colour in _coloured(dataset, 0, looks):
         share = _of(mine, shares)
         error = np.sqrt(share * (1.0 - share) / count)
-        axes.fill_between(alphas, share - error, share + error, color=colour, alpha=0.25,
+        axes.fill_between(places, share - error, share + error, color=colour, alpha=0.25,
                           linewidth=0)
-        axes.plot(alphas, share, '.-', color=colour, linewidth=0.9, markersize=3)
+        axes.plot(places, share, '.-', color=colour, linewidth=0.9, markersize=3)
     _mark(axes, dataset, looks)
-    axes.set(xlim=(alphas[0], alphas[-1]), ylim=(0.0, 1.02))
+    axes.set(xlim=(places[0], places[-1]), ylim=(0.0, 1.02))
     lowest = axes
     for row, draw_panel in enumerate(panels, 1):
         lowest.tick_params(labelbottom=False)
         lowest = add_axes(figure, LEFT, BOTTOM + below - row * (EXPONENT_HEIGHT + GAP), WIDTH,
                           EXPONENT_HEIGHT)
         draw_panel(lowest, dataset, looks)
-        lowest.set_xlim(alphas[0], alphas[-1])
+        lowest.set_xlim(places[0], places[-1])
         lowest.set_ylim(bottom=0.0)
-    lowest.set_xlabel(ALPHA_LABEL, fontsize=12)
+    lowest.set_xlabel(_label(dataset), fontsize=12)
     axes.set_ylabel('share of the trajectories [1], ± standard error', fontsize=12)
     style.write_title(figure, LEFT, looks.title or (
         'Shares of the attractors; fold solid, doubling dotted, crisis dashed'))
@@ -187,18 +190,18 @@ def draw_shares(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 
 def _draw_kicks(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
     for mine, colour in _coloured(dataset, 0, looks):
-        axes.plot(dataset['alpha'].values, _of(mine, dataset['kick'].values[0]), '.-',
+        axes.plot(dataset[swept(dataset.attrs)].values, _of(mine, dataset['kick'].values[0]), '.-',
                   color=colour, linewidth=0.9, markersize=3)
     axes.set_ylabel('smallest kick [1]', fontsize=12)
 
 
 def _draw_boundary(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
     # The exponent and the entropy of the boundary between basins.
-    alphas = dataset['alpha'].values
+    places = dataset[swept(dataset.attrs)].values
     for name, mark, words in (('entropy', 'o', 'boundary basin entropy S_bb'),
                               ('exponent', 's', 'uncertainty exponent')):
         values, errors = (dataset[f'boundary_{name}{end}'].values[0] for end in ('', '_error'))
-        axes.errorbar(alphas, values, errors, fmt=f'{mark}-', markersize=3, linewidth=0.9,
+        axes.errorbar(places, values, errors, fmt=f'{mark}-', markersize=3, linewidth=0.9,
                       color=GREY if mark == 's' else 'black', label=words)
     axes.set_ylabel('boundary [1]', fontsize=12)
     axes.legend(frameon=False, fontsize=11)
@@ -206,7 +209,7 @@ def _draw_boundary(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
 
 def _coloured(dataset: 'xarray.Dataset', sweep: int, looks: Looks
               ) -> Iterator[tuple[npt.NDArray[np.bool_], str]]:
-    # Where each attractor is, shape (alpha, slot), with its colour; what is unsettled last.
+    # Where each attractor is, shape (column, slot), with its colour; what is unsettled last.
     numbers, kinds = (dataset[name].values[sweep] for name in ('attractor', 'kind'))
     for number in np.unique(numbers[numbers >= 0]):
         yield numbers == number, looks.ink(int(number))
@@ -223,9 +226,9 @@ def _of(mine: npt.NDArray[np.bool_], values: FloatArray) -> FloatArray:
     return line
 
 
-def _extent(alphas: FloatArray, velocities: FloatArray) -> tuple[float, float, float, float]:
-    a, v = 0.5 * (alphas[1] - alphas[0]), 0.5 * (velocities[1] - velocities[0])
-    return alphas[0] - a, alphas[-1] + a, velocities[0] - v, velocities[-1] + v
+def _extent(places: FloatArray, velocities: FloatArray) -> tuple[float, float, float, float]:
+    a, v = 0.5 * (places[1] - places[0]), 0.5 * (velocities[1] - velocities[0])
+    return places[0] - a, places[-1] + a, velocities[0] - v, velocities[-1] + v
 
 
 def _legend(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
@@ -252,41 +255,52 @@ def _letters(dataset: 'xarray.Dataset') -> dict[int, str]:
 
 
 def _mark(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
-    # Amplitudes that were asked for, and what happens to the attractors.
-    for alpha in looks.mark:
-        axes.axvline(alpha, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0)
-        axes.text(alpha, 0.01, f' {alpha:.5g}', transform=axes.get_xaxis_transform(), color=GREY,
+    # Places that were asked for, and what happens to the attractors.
+    for place in looks.mark:
+        axes.axvline(place, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0)
+        axes.text(place, 0.01, f' {place:.5g}', transform=axes.get_xaxis_transform(), color=GREY,
                   va='bottom', fontsize=10)
-    if 'event_alpha' not in dataset or looks.is_paper:
+    axis = swept(dataset.attrs)
+    if f'event_{axis}' not in dataset or looks.is_paper:
         return
-    low, high = dataset['alpha'].values[[0, -1]]
-    for kind, alpha, number in zip(*(dataset[f'event_{name}'].values for name in (
-            'kind', 'alpha', 'attractor')), strict=True):
-        if low <= alpha <= high:
+    low, high = dataset[axis].values[[0, -1]]
+    for kind, place, number in zip(*(dataset[f'event_{name}'].values for name in (
+            'kind', axis, 'attractor')), strict=True):
+        if low <= place <= high:
             dashes = {'fold': '-', 'doubling': ':', 'crisis': '--'}.get(str(kind), '-.')
-            axes.axvline(alpha, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
+            axes.axvline(place, color=looks.hue(int(number)), linestyle=dashes, linewidth=1.0)
 
 
 def _mark_transitions(axes: Axes, looks: Looks) -> list[Line2D]:
     # On the upper edge, in the colours of letters; returns their legend.
     found = looks.transitions
     assert found is not None
-    alphas, kinds, letters = (found[name].values.ravel() for name in ('alpha', 'kind', 'letter'))
+    places, kinds, letters = (found[name].values.ravel() for name in (
+        swept(found.attrs), 'kind', 'letter'))
     low, high = axes.get_xlim()
     handles = []
     for marker, (words, group) in MARKS.items():
-        here = np.isin(kinds, group) & (alphas >= low) & (alphas <= high)
+        here = np.isin(kinds, group) & (places >= low) & (places <= high)
         colours = [looks.hue(LETTERS.index(letter)) if letter else GREY
                    for letter in letters[here]]
-        axes.scatter(alphas[here], np.ones(np.count_nonzero(here)), marker=marker, s=34,
+        axes.scatter(places[here], np.ones(np.count_nonzero(here)), marker=marker, s=34,
                      c=colours, transform=axes.get_xaxis_transform(), clip_on=False, zorder=4,
                      linewidths=0.5, edgecolors='white')
         handles.append(style.legend_mark(marker, GREY, words))
     return handles
 
 
+def _label(dataset: 'xarray.Dataset') -> str:
+    axis = swept(dataset.attrs)
+    return f'{dataset[axis].attrs["long_name"]}, {axis} [1]'
+
+
 def _title(dataset: 'xarray.Dataset') -> str:
     a = dataset.attrs
+    several = swept(a) == SEVERAL
+    values = ', '.join(
+        f'{short} {a[name]:g}' if name in a else '{} {:g} to {:g}'.format(
+            short, *a[f'{name}_window']) for name, short in zip(
+                Model._fields, (*Model._fields[:-1], 'r'), strict=True) if name in a or several)
     return (f'{counted(a["impacts_counted"], "impact")} of '
-            f'{counted(a["trajectories"], "trajectory")}; beta {a["beta"]:g}, '
-            f'gamma {a["gamma"]:g}, r {a["restitution"]:g}')
+            f'{counted(a["trajectories"], "trajectory")}; {values}')

@@ -127,7 +127,7 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 
 def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the discs round impacts, the largest discs, and the arrows of the smallest kicks."""
-    a, erodes = dataset.attrs, 'erosion_alpha' in dataset
+    a, erodes = dataset.attrs, 'erosion_share' in dataset
     plane = Plane.of(a)
     on_section = plane.kind == SECTION
     title = looks.title or f'alpha {a["alpha"]:g}: ' + (
@@ -162,7 +162,9 @@ def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 
 
 def _draw_erosion(figure: Figure, dataset: 'xarray.Dataset', colours: dict[int, str]) -> None:
-    place, alphas = figure.axes[0].get_position(), dataset['erosion_alpha'].values
+    place = figure.axes[0].get_position()
+    axis = dataset.attrs.get('erosion_window_along', 'alpha')
+    places = dataset[f'erosion_{axis}']
     height = figure.get_size_inches()[1] * style.DPI
     for q, (name, words) in enumerate((('share', 'basin stability [1]'),
                                        ('kick', 'smallest kick [1]'))):
@@ -170,13 +172,14 @@ def _draw_erosion(figure: Figure, dataset: 'xarray.Dataset', colours: dict[int, 
         axes = figure.add_axes((place.x0, bottom, place.width, EROSION / height))
         axes.tick_params(labelsize=11, labelbottom=q == 1)
         for k, label in enumerate(dataset['attractor_label'].values.tolist()):
-            axes.plot(alphas, dataset[f'erosion_{name}'].values[k], '.-', color=colours[label],
+            axes.plot(places, dataset[f'erosion_{name}'].values[k], '.-', color=colours[label],
                       linewidth=0.9, markersize=4)
             left = dataset['attractor_left'].values[k, q]
-            for alpha in left[np.isfinite(left)]:
-                axes.axvline(alpha, color=colours[label], linestyle=':', linewidth=1.0)
-        axes.axvline(dataset.attrs['alpha'], color=GREY, linewidth=0.8)
-        axes.set_xlim(alphas[0], alphas[-1])
+            for each in left[np.isfinite(left)]:
+                axes.axvline(each, color=colours[label], linestyle=':', linewidth=1.0)
+        if axis in dataset.attrs:
+            axes.axvline(dataset.attrs[axis], color=GREY, linewidth=0.8)
+        axes.set_xlim(*places.values[[0, -1]])
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(words, fontsize=12)
-    axes.set_xlabel('amplitude of the drive, alpha [1]', fontsize=12)
+    axes.set_xlabel(f'{places.attrs["long_name"]}, {axis} [1]', fontsize=12)

@@ -14,6 +14,7 @@
 
 """Every attractor at given parameters, and its share of random initial conditions."""
 
+from collections.abc import Mapping, Sequence
 import dataclasses
 import json
 import math
@@ -27,7 +28,8 @@ from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
 from ..attractors.listing import COLUMNS, listed
 from ..attractors.plane import Plane
 from ..core.defaults import HOLD, INITIAL_CONDITIONS, SEED, TOLERANCE
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite
+from ..core.model import Model, Parameters
+from ..core.path import Path, SEVERAL
 from ..store.layout import Layout
 from ..store.store import Store
 
@@ -108,6 +110,32 @@ def identity_of(name: str, parameters: Parameters, plane: Plane, **others: Any) 
     }
 
 
+def identity_along(name: str, paths: Sequence[Path], plane: Plane, end: str = '_window', /,
+                   **others: Any) -> dict[str, Any]:
+    """List what makes a sweep what it is: `identity_of`, with windows of what varies."""
+    first = paths[0]
+    identity = identity_of(name, first.first, plane, **others)
+    for each in first.varied:
+        del identity[each]
+        identity[f'{each}{end}'] = [getattr(point, each) for path in paths for point in (
+            path.first, path.last)]
+    return identity
+
+
+def path_attributes(name: str, path: Path | None) -> dict[str, Any]:
+    """Say where a path goes that leads through the model; in alpha its ends are enough."""
+    if path is None or path.varied == ('alpha',):
+        return {name: list(path.ends if path else ())}
+    return {name: list(path.ends), f'{name}_along': path.name,
+            f'{name}_from': list(path.first.model), f'{name}_to': list(path.last.model)}
+
+
+def swept(attributes: Mapping[str, Any]) -> str:
+    """Return the coordinate of a sweep, from the attributes of its dataset."""
+    varied = [name for name in Model._fields if name not in attributes]
+    return varied[0] if len(varied) == 1 else SEVERAL
+
+
 def write_attractors(store: Store, catalogue: Catalogue) -> None:
     store.write_table(table_of(catalogue.attractors))
     store.set_attributes({
@@ -121,11 +149,3 @@ def require_tolerance(tolerance: float) -> None:
     """Refuse a tolerance outside 1e-7 to 0.1 with a ValueError."""
     if not 1e-7 <= tolerance <= 0.1:
         raise ValueError(f'tolerance = {tolerance:g} is not between 1e-7 and 0.1')
-
-
-def require_window(alphas: tuple[float, float]) -> None:
-    """Refuse a window of alpha that is out of range, empty or reversed with a ValueError."""
-    low, high = (require_finite('alpha', alpha, 0.0, ALPHA_MAXIMUM) for alpha in alphas)
-    if not low < high:
-        raise ValueError(f'alpha window {low:g} to {high:g} is empty or reversed; give the lower '
-                         'end first')

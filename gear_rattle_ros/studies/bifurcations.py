@@ -32,6 +32,7 @@ from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow, leaving, Turn
 from ..core.orbits.orbit import close_near, close_orbit, Orbit, REACH, same_orbit
 from ..core.orbits.section import turn as turned
+from ..core.path import Path
 from ..store.store import Store
 
 PERIODIC: Final = KINDS.index(Kind.PERIODIC.value)
@@ -39,12 +40,13 @@ CHAOTIC: Final = KINDS.index(Kind.CHAOTIC.value)
 # Doublings followed of each orbit, and the longest period [impacts].
 DOUBLINGS: Final = 7
 LONGEST: Final = 256
-# Distance outside the window to which orbits are followed for their birth and their end [1].
+# Distance outside the window, in the parameters, to which orbits are followed for their birth and
+# their end [1].
 OUTSIDE: Final = 0.2
 # Two orbits are one where their points agree to this [rad, 1]; at a change they diverge as a root.
 SAME: Final = 1e-6
 SAME_CHANGE: Final = 1e-4
-# Distance in alpha beside a change at which the stability of an orbit is decided [1].
+# Distance beside a change, in the parameters, at which the stability of an orbit is decided [1].
 BESIDE: Final = 1e-6
 # To follow a chaotic attractor takes as long as this number of orbits.
 FOLLOWING: Final = 10
@@ -57,11 +59,11 @@ class Event:
     attractor: int
     # Of an orbit: fold, pitchfork, doubling, grazing. Of a chaotic attractor: window (a stable
     # orbit is born and replaces it), crisis (trajectories leave it for good), interior crisis (it
-    # suddenly grows). Of any: not located (it is seen at one alpha and not at the next; at rest,
+    # suddenly grows). Of any: not located (it is seen in one column and not in the next; at rest,
     # or on an orbit that sticks, it cannot be followed).
     what: str
-    alpha: float
-    tolerance: float  # how well alpha is located [1]
+    value: float  # coordinate of the path [1]
+    tolerance: float  # how well it is located [1]
     captor: Captor  # what changes, or on what trajectories then settle
     end: End | None = None  # of chaos, as it was seen
 
@@ -84,18 +86,19 @@ class Event:
 
     def describe(self, letter: str = '') -> str:
         digits = 1 - math.floor(math.log10(self.tolerance))
-        return (f'{f"{letter} {self.attractor}":>9s}  {self.what:15s}  {self.alpha:.{digits}f} +- '
+        return (f'{f"{letter} {self.attractor}":>9s}  {self.what:15s}  {self.value:.{digits}f} +- '
                 f'{self.tolerance:.1e}  {self.key}').rstrip()
 
 
-HEADING: Final = 'attractor  event            alpha [1]  orbit'
+HEADING: Final = 'attractor  event            {} [1]  orbit'
 
 
 @dataclasses.dataclass
 class Family:
     """The stable orbits of a branch between two changes."""
 
-    orbits: list[Orbit]  # in the order of alpha
+    path: Path
+    orbits: list[Orbit]  # in their order on it
     turns: list[Turn]  # where it ends
     parent: 'Family | None'  # the family from which it branches
     numbers: list[int] = dataclasses.field(default_factory=list)  # of attractors seen on it
@@ -107,16 +110,19 @@ class Family:
             return self.parent.number
         return max(sorted(set(self.numbers)), key=self.numbers.count)
 
+    def value_of(self, orbit: Orbit) -> float:
+        return self.path.of(orbit.parameters)
+
     def holds(self, orbit: Orbit) -> bool:
         if (orbit.impacts, orbit.drive_periods) != (self.orbits[0].impacts,
                                                     self.orbits[0].drive_periods):
             return False
-        alpha = orbit.parameters.alpha
-        after = sum(one.parameters.alpha < alpha for one in self.orbits)
-        pair = self.orbits[max(after - 1, 0):after + 1]
-        near, far = pair[0], pair[-1]
-        gap = far.parameters.alpha - near.parameters.alpha
-        share = (alpha - near.parameters.alpha) / gap if gap > 0.0 else 0.0
+        value, values = self.value_of(orbit), [*map(self.value_of, self.orbits)]
+        after = sum(one < value for one in values)
+        first, last = max(after - 1, 0), min(after, len(values) - 1)
+        near, far = self.orbits[first], self.orbits[last]
+        gap = values[last] - values[first]
+        share = (value - values[first]) / gap if gap > 0.0 else 0.0
         ahead = far.points - near.points
         ahead[:, 0] = turned(ahead[:, 0])
         here = close_orbit(near.walls, near.points + share * ahead, orbit.parameters)
@@ -133,7 +139,8 @@ class Search:
     # A periodic one ends where its branch does, so its branch is followed without any trajectory;
     # a chaotic one is followed with its own states.
     def __init__(self, diagram: Diagram, store: Store, tolerance: float, hold: int) -> None:
-        self._diagram, self._tolerance, self._hold = diagram, tolerance, hold
+        self._diagram, self._path = diagram, diagram.path
+        self._tolerance, self._hold = tolerance, hold
         self._numbers, self._kinds, self._keys, self._states, self._periods = (
             store.read_all(name)[diagram.sweeps.index('random')] for name in (
                 'attractor', 'kind', 'key', 'member_state', 'period_impacts'))
@@ -169,17 +176,17 @@ class Search:
             n = family.number
             for parameters, orbit, direction in self._cascades(family, n):
                 self._follow_chaos(n, parameters, state_on(orbit), direction,
-                                   self._diagram.alphas[int(direction > 0.0)])
-        events = [Event(n, end.kind, end.alpha, end.uncertainty, end.captor, end)
+                                   self._path.ends[int(direction > 0.0)])
+        events = [Event(n, end.kind, end.value, end.uncertainty, end.captor, end)
                   for n, end in self._ends]
         events += self._not_located()
         for family in self._families:
             for turn in family.turns:
-                event = Event(family.number, turn.change.value, turn.alpha, turn.uncertainty,
+                event = Event(family.number, turn.change.value, turn.value, turn.uncertainty,
                               turn.orbit)
                 if not any(_same_change(event, known) for known in events):
                     events.append(event)
-        return sorted(events, key=lambda event: (event.attractor, event.alpha))
+        return sorted(events, key=lambda event: (event.attractor, event.value))
 
     def _take(self, n: int, orbit: Orbit) -> None:
         home = next((one for one in self._families if one.holds(orbit)), None)
@@ -191,9 +198,9 @@ class Search:
         herd = watch(parameters, spread_out(parameters, state), self._hold)
         if not isinstance(herd, Herd):
             return False
-        low, high = self._diagram.alphas
-        end = find_end(herd, direction, (high - low) / (self._diagram.columns - 1), edge,
-                       self._tolerance, self._hold)
+        low, high = self._path.ends
+        end = find_end(herd, self._path, direction, (high - low) / (self._diagram.columns - 1),
+                       edge, self._tolerance, self._hold)
         if end and end.kind == 'orbit' and isinstance(end.captor, Orbit):
             self._take(n, end.captor)
         elif end and not any(_same_end(end, known) for _, known in self._ends):
@@ -213,20 +220,20 @@ class Search:
             yield int(self._numbers[column, slot]), (column, slot)
 
     def _runs_of_chaos(self) -> Iterator[tuple[int, list[Cell], float, float]]:
-        # The number and the cells without a gap in which an attractor is chaotic, and the alphas
-        # to which it is followed: where it is seen next, or the ends of the window.
+        # The number and the cells without a gap in which an attractor is chaotic, and the places
+        # to which it is followed: where it is seen next, or the ends of the path.
         chaos: dict[int, list[Cell]] = {}
         for n, cell in self._seen(CHAOTIC):
             chaos.setdefault(n, []).append(cell)
-        alphas = self._diagram.values
+        values = self._diagram.values
         for n, cells in chaos.items():
             # What is not seen in a column may have ended before it.
             breaks = [0, *(i for i in range(1, len(cells)) if cells[i][0] > cells[i - 1][0] + 1),
                       len(cells)]
             for first, after in itertools.pairwise(breaks):
                 yield (n, cells[first:after],
-                       float(alphas[cells[first - 1][0] if first else 0]),
-                       float(alphas[cells[after][0] if after < len(cells) else -1]))
+                       float(values[cells[first - 1][0] if first else 0]),
+                       float(values[cells[after][0] if after < len(cells) else -1]))
 
     def _not_located(self) -> Iterator[Event]:
         # The ends of what could not be followed are known from the columns alone.
@@ -242,48 +249,46 @@ class Search:
     def _grow(self, orbit: Orbit, directions: tuple[float, ...], parent: Family | None = None,
               depth: int = 0) -> Family:
         # A family, with those that branch from it, one from another, inside the window.
-        low, high = self._diagram.alphas
-        family = Family([orbit], [], parent)
+        path, (low, high) = self._path, self._path.ends
+        outside, family = OUTSIDE * path.unit, Family(path, [orbit], [], parent)
         for direction in directions:
-            branch = follow(orbit, direction, max(0.0, low - OUTSIDE), high + OUTSIDE,
+            branch = follow(orbit, path, direction, low - outside, high + outside,
                             to_first_turn=True)
             family.orbits += [one for one in branch.orbits[1:] if one.is_stable]
             family.turns += branch.turns
         # The last step may have gone round a fold.
-        family.orbits.sort(key=lambda one: one.parameters.alpha)
+        family.orbits.sort(key=family.value_of)
         self._families.append(family)
         for turn in family.turns:
             if (turn.change not in (Change.DOUBLING, Change.PITCHFORK) or depth == DOUBLINGS
-                    or not low <= turn.alpha <= high or 2 * turn.orbit.impacts > LONGEST):
+                    or not low <= turn.value <= high or 2 * turn.orbit.impacts > LONGEST):
                 continue
-            beside = [close_orbit(turn.orbit.walls, turn.orbit.points, dataclasses.replace(
-                turn.orbit.parameters, alpha=turn.alpha + step))
-                for step in (-BESIDE, BESIDE) if turn.alpha >= BESIDE]
-            for one in (*leaving(turn), *beside):
+            beside = [close_orbit(turn.orbit.walls, turn.orbit.points, path.at(
+                turn.value + step * path.unit, nearest=True)) for step in (-BESIDE, BESIDE)]
+            for one in (*leaving(path, turn), *beside):
                 if (one is not None and one.is_stable
                         and not any(known.holds(one) for known in self._families)):
                     # Back at the change there is nothing new.
-                    away = math.copysign(1.0, one.parameters.alpha - turn.alpha)
+                    away = math.copysign(1.0, path.of(one.parameters) - turn.value)
                     self._grow(one, (away,), family, depth + 1)
         return family
 
     def _cascades(self, family: Family, n: int) -> Iterator[tuple[Parameters, Orbit, float]]:
         # Where doublings lead to chaos that no column shows: just beyond, and the direction.
-        ends = [orbit.parameters.alpha for orbit in (family.orbits[0], family.orbits[-1])]
+        ends = [family.value_of(orbit) for orbit in (family.orbits[0], family.orbits[-1])]
         seen = self._diagram.values[(self._numbers == n).any(axis=1)]
-        low, high = self._diagram.alphas
+        low, high = self._path.ends
         for turn in family.turns:
             # The doublings that follow crowd within a third of the way from the one before.
-            gap = turn.alpha - max(ends, key=lambda alpha: abs(turn.alpha - alpha))
-            direction, beyond = math.copysign(1.0, gap), turn.alpha + 0.5 * gap
+            gap = turn.value - max(ends, key=lambda end: abs(turn.value - end))
+            direction, beyond = math.copysign(1.0, gap), turn.value + 0.5 * gap
             if (turn.change is Change.DOUBLING and turn.orbit.impacts == family.orbits[0].impacts
                     and low < beyond < high
-                    and not np.any(direction * seen > direction * turn.alpha)
+                    and not np.any(direction * seen > direction * turn.value)
                     and not any(one.parent is family
                                 and one.orbits[0].impacts > turn.orbit.impacts
                                 for one in self._families)):
-                yield (dataclasses.replace(turn.orbit.parameters, alpha=beyond), turn.orbit,
-                       direction)
+                yield self._path.at(beyond), turn.orbit, direction
 
 
 def state_on(orbit: Orbit) -> FloatArray:
@@ -293,7 +298,7 @@ def state_on(orbit: Orbit) -> FloatArray:
 
 def _same_end(a: End, b: End) -> bool:
     # Seen twice, under two numbers; mirror images end at the same place, elsewhere.
-    if a.kind != b.kind or abs(a.alpha - b.alpha) > a.uncertainty + b.uncertainty:
+    if a.kind != b.kind or abs(a.value - b.value) > a.uncertainty + b.uncertainty:
         return False
     shared = np.count_nonzero(a.last.region & b.last.region)
     return bool(2 * shared > np.count_nonzero(a.last.region))
@@ -301,7 +306,7 @@ def _same_end(a: End, b: End) -> bool:
 
 def _same_change(event: Event, known: Event) -> bool:
     # Of one orbit at one place; where an orbit replaces chaos, only that is reported.
-    return (abs(event.alpha - known.alpha) <= event.tolerance + known.tolerance
+    return (abs(event.value - known.value) <= event.tolerance + known.tolerance
             and event.orbit is not None and known.orbit is not None
             and (event.what == known.what
                  or known.what == 'window' and event.what in ('fold', 'grazing'))

@@ -31,23 +31,23 @@ KNOWN: Final = 0.01
 class Accumulation:
     """Where the doublings of a cascade accumulate; beyond it there is chaos."""
 
-    alpha: float
+    value: float  # coordinate of the path [1]
     uncertainty: float  # how far apart the last two extrapolations are, and their own error [1]
     ratios: tuple[float, ...]  # of successive intervals, which tend to `DELTA`
 
 
-def accumulate(alphas: Sequence[float], errors: Sequence[float]) -> Accumulation | None:
+def accumulate(values: Sequence[float], errors: Sequence[float]) -> Accumulation | None:
     """
     Extrapolate successive doublings to where they accumulate, with the ratio of the limit.
 
     The first that is not located well enough ends them; `None` if fewer than `FEWEST` remain.
     """
-    count = next((k for k in range(1, len(alphas))
-                  if errors[k] > KNOWN * abs(alphas[k] - alphas[k - 1])), len(alphas))
+    count = next((k for k in range(1, len(values))
+                  if errors[k] > KNOWN * abs(values[k] - values[k - 1])), len(values))
     if count < FEWEST:
         return None
-    gaps = [b - a for a, b in itertools.pairwise(alphas[:count])]
-    before, last = (alphas[count + k] + gaps[k] / (DELTA - 1.0) for k in (-2, -1))
+    gaps = [b - a for a, b in itertools.pairwise(values[:count])]
+    before, last = (values[count + k] + gaps[k] / (DELTA - 1.0) for k in (-2, -1))
     own = max(errors[:count]) * (DELTA + 1.0) / (DELTA - 1.0)
     return Accumulation(last, abs(last - before) + own,
                         tuple(a / b for a, b in itertools.pairwise(gaps)))

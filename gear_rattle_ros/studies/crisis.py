@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The critical alpha of a crisis, by two methods that share nothing but the flight.
+The critical place of a crisis, by two methods that share nothing but the flight.
 
 The tangency of manifolds gives it to many digits, and the orbit with which the attractor collides.
 The rates at which trajectories escape beyond it, fitted by a law in which it is free, check that
@@ -27,7 +27,7 @@ from typing import Any, Final, Unpack
 
 import numpy as np
 
-from .attractors import require_window
+from .attractors import swept
 from .endings import Captor, End, find_end, Herd, spread_out, watch
 from .escape_rates import fit_exponent, fit_law, LifetimeLaw
 from .escapes import compute, Escapes, rates_of
@@ -38,9 +38,9 @@ from ..attractors.listing import named
 from ..attractors.plane import Plane, STATE
 from ..core.arrays import FloatArray
 from ..core.defaults import SEED
-from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
 from ..core.orbits.section import distances
+from ..core.path import Path
 from ..core.words import counted, in_columns
 from ..store.store import Store
 
@@ -48,8 +48,8 @@ from ..store.store import Store
 PAPER: Final = 1.2347058
 PAPER_BRACKET: Final = (1.230, 1.244)
 # Impacts for which an attractor is watched, initial conditions that are followed to find it, and
-# the step, in parts of the window, with which it is followed to its end, whose alpha is then
-# known to the tolerance [1].
+# the step, in parts of the window, with which it is followed to its end, whose place is then
+# known to the tolerance, in the parameters [1].
 HOLD: Final = 20_000
 SOUGHT: Final = 256
 STEPS: Final = 16
@@ -61,59 +61,57 @@ CAPTURED: Final = 0.02
 
 
 @Study
-def crisis(parameters: Parameters, alphas: tuple[float, float] = (1.24, 1.25),
-           plane: Plane | None = None, *, attractor: str = '',
+def crisis(path: Path, plane: Plane | None = None, *, attractor: str = '',
            beyond: tuple[float, float] = (4e-6, 4e-4), rates: int = 20, escapes: int = 80,
            skip: int = 300, limit: int = 50_000_000, seed: int = SEED,
            **options: Unpack[WorkOptions]) -> Store:
     """
     Locate the crisis of a chaotic attractor, by the tangency of manifolds and by escape rates.
 
-    The dataset has lifetimes and escape rates by alpha; the crisis, the orbit with which the
+    The dataset has lifetimes and escape rates along the path; the crisis, the orbit with which the
     attractor collides and the law as attributes.
 
     Parameters
     ----------
-    parameters, alphas
-        The model, and its amplitudes on both sides of the crisis [1].
+    path : Path
+        A window of one parameter, or the straight path between two models, across the crisis.
     plane, seed
         The window from which initial conditions are drawn, and their seed; by default it lies at
         s = -0.5, because off the walls hardly any sticks: those that do go on as one trajectory.
     attractor : str
-        Its key at one of the amplitudes; by default the first that ends between them.
+        Its key at one of the ends; by default the first that ends between them.
     beyond : tuple of float
-        Distances from the crisis at which escapes are timed [1].
+        Distances along the path from the crisis at which escapes are timed [1].
     rates, escapes : int
-        Amplitudes at which they are, and how many at each.
+        Places at which they are, and how many at each.
     skip, limit : int
         Escapes before this do not count, and after this a trajectory is given up [impacts].
 
     """
     work, plane = Work(**options), plane or Plane(displacement=-0.5)
-    require_window(alphas)
     if not 0.0 < beyond[0] < beyond[1]:
         raise ValueError(f'--beyond {beyond[0]:g} {beyond[1]:g} must be positive and rising')
-    key, end, captors = find_ending(parameters, alphas, plane, attractor, seed)
+    key, end, captors = find_ending(path, plane, attractor, seed)
     # The search begins with many saddles, of which it is not known how many there are.
     with work.report('crisis, searches of the manifold', SEARCHES, uneven=True) as progress:
         tangency = touch(end, progress.add)
-    places = amplitudes(tangency.alpha, end.direction, *beyond, rates)
+    places = places_beyond(tangency.value, end.direction, *beyond, rates)
     store = compute(Escapes(
-        places, parameters, plane, escapes, seed, skip, limit, min(limit, BEFORE),
-        tuple(points_at(captors, alpha) for alpha in places),
+        places, path, plane, escapes, seed, skip, limit, min(limit, BEFORE),
+        tuple(points_at(captors, path, value) for value in places),
         min(radius_of(one, tangency) for one in captors)),
         {'attractor': key, 'captor': captors[0].key, 'direction': end.direction,
          **attributes_of(tangency)}, work)
-    write_law(store)
+    write_law(store, path.name)
     return store
 
 
-def find_ending(parameters: Parameters, alphas: tuple[float, float], plane: Plane, key: str,
-                seed: int) -> tuple[str, End, list[Orbit]]:
+def find_ending(path: Path, plane: Plane, key: str, seed: int
+                ) -> tuple[str, End, list[Orbit]]:
     """Find the first that ends in a crisis: its key, end, captor and other stable orbits."""
     seen: list[str] = []  # the chaotic attractors, and what becomes of them
-    for inside, outside in (alphas, alphas[::-1]):
-        here = dataclasses.replace(parameters, alpha=inside)
+    for inside, outside in (path.ends, path.ends[::-1]):
+        here = path.at(inside)
         found = find_attractors(here, plane.draw(here, SOUGHT, seed), hold=HOLD)
         for one in found.attractors:
             if one.chaos is None or key not in ('', one.key):
@@ -124,41 +122,42 @@ def find_ending(parameters: Parameters, alphas: tuple[float, float], plane: Plan
                 [one.chaos.states[0][name] for name in STATE])), HOLD)
             if not isinstance(herd, Herd):
                 continue
-            end = find_end(herd, math.copysign(1.0, outside - inside),
-                           abs(outside - inside) / STEPS, outside, TOLERANCE, HOLD)
+            end = find_end(herd, path, math.copysign(1.0, outside - inside),
+                           abs(outside - inside) / STEPS, outside, TOLERANCE * path.unit, HOLD)
             if end and end.kind == 'crisis' and isinstance(end.captor, Orbit):
                 # What escapes may settle on another one, too.
                 return one.key, end, [end.captor, *found.orbits]
             seen.append(f'{one.key} at {inside:g} ' + (
-                f'ends at {end.alpha:.6f}: {end.kind}' if end else 'lasts all along'))
+                f'ends at {end.value:.6f}: {end.kind}' if end else 'lasts all along'))
     raise ValueError(
-        f'no crisis of {key or "a chaotic attractor"} between alpha = {alphas[0]:g} and '
-        f'{alphas[1]:g}; chaotic there: {", ".join(seen) or "nothing"}; give another --alpha')
+        f'no crisis of {key or "a chaotic attractor"} between {path.name} = {path.ends[0]:g} and '
+        f'{path.ends[1]:g}; chaotic there: {", ".join(seen) or "nothing"}; give another --'
+        + ' and --'.join(path.varied))
 
 
 def attributes_of(tangency: Tangency) -> dict[str, Any]:
     """Describe a tangency by attributes of a dataset."""
     contact, saddle = tangency.contact, tangency.contact.target
-    birth = birth_of(saddle.orbit)
+    axis, birth = contact.path.name, birth_of(saddle.orbit, contact.path)
     return {
         'saddle': saddle.orbit.canonical().name, 'saddle_impacts': saddle.orbit.impacts,
         'saddle_drive_periods': saddle.orbit.drive_periods,
         'saddle_expansion': saddle.expansion, 'saddle_contraction': saddle.contraction,
         'saddle_born': birth.change.value if birth else '',
-        'saddle_born_alpha': birth.alpha if birth else math.nan,
+        f'saddle_born_{axis}': birth.value if birth else math.nan,
         'tangency': 'homoclinic' if contact.is_homoclinic else 'heteroclinic',
-        'tangency_alpha': tangency.alpha, 'tangency_uncertainty': tangency.uncertainty,
+        f'tangency_{axis}': tangency.value, 'tangency_uncertainty': tangency.uncertainty,
         'tangency_exponent': contact.lifetime_exponent}
 
 
-def points_at(captors: list[Orbit], alpha: float) -> tuple[FloatArray, ...]:
-    """Return the points at an alpha of the captor and of what else is stable there, once each."""
+def points_at(captors: list[Orbit], path: Path, value: float) -> tuple[FloatArray, ...]:
+    """Return the points at a place of the captor and of what else is stable there, once each."""
     first, *others = captors
-    carried = [carry(first, alpha)]
+    carried = [carry(first, path, value)]
     for orbit in others:
         # One that does not last to there captures nothing.
         with contextlib.suppress(ValueError):
-            carried.append(carry(orbit, alpha))
+            carried.append(carry(orbit, path, value))
     known = {one.key: one.points for one in carried if one is carried[0] or one.is_stable}
     return tuple(known.values())
 
@@ -171,70 +170,76 @@ def radius_of(captor: Orbit, tangency: Tangency) -> float:
     return round(min(CAPTURED, 0.1 * float(np.min(apart))), 6)
 
 
-def amplitudes(alpha: float, direction: float, nearest: float, farthest: float, count: int
-               ) -> tuple[float, ...]:
+def places_beyond(value: float, direction: float, nearest: float, farthest: float, count: int
+                  ) -> tuple[float, ...]:
     """
-    Choose where escapes are timed: one alpha before the crisis, then equal steps of the logarithm.
+    Choose where escapes are timed: once before the crisis, then in equal steps of the logarithm.
 
     The tangency only gives where to look; the law is fitted without it.
     """
     beyond = np.geomspace(nearest, farthest, count)
-    return tuple(float(round(alpha + direction * d, 9)) for d in (-2.0 * nearest, *beyond))
+    return tuple(float(round(value + direction * d, 9)) for d in (-2.0 * nearest, *beyond))
 
 
-def write_law(store: Store) -> None:
+def write_law(store: Store, axis: str) -> None:
     """Fit the law of the lifetimes to a complete store, the place of the crisis free; write it."""
     timed = rates_of(store.read_all('lifetime'), store.read_all('fate'),
                      store.attrs['impacts_skipped'])
-    store.write_table({name: (('alpha',), np.array([getattr(rate, field) for rate in timed]),
+    store.write_table({name: ((axis,), np.array([getattr(rate, field) for rate in timed]),
                               named(words, units)) for name, field, words, units in (
         ('escape_rate', 'rate', 'escape rate, from escapes over impacts at risk', '1/impact'),
         ('escape_rate_error', 'error', 'its standard error', '1/impact'),
         ('escapes', 'escapes', 'trajectories that escaped', '1'),
         ('at_risk', 'at_risk', 'impacts at risk', 'impacts'))})
-    alphas, rates, escapes = (store.read_all(name)
-                              for name in ('alpha', 'escape_rate', 'escapes'))
+    places, rates, escapes = (store.read_all(name)
+                              for name in (axis, 'escape_rate', 'escapes'))
     direction = store.attrs['direction']
-    some = [k for k in range(1, len(alphas)) if escapes[k] >= 10]
+    some = [k for k in range(1, len(places)) if escapes[k] >= 10]
     # Weighed by their counts: the errors of few escapes scatter themselves.
-    data = direction * alphas[some], rates[some], rates[some] / np.sqrt(escapes[some])
+    data = direction * places[some], rates[some], rates[some] / np.sqrt(escapes[some])
     law = fit_law(*data)
-    exponent, exponent_error = fit_exponent(*data, direction * store.attrs['tangency_alpha'])
-    law = dataclasses.replace(law, alpha_c=direction * law.alpha_c)
-    store.set_attributes({f'law_{name}': float(value)
+    exponent, exponent_error = fit_exponent(*data, direction * store.attrs[f'tangency_{axis}'])
+    law = dataclasses.replace(law, critical=direction * law.critical)
+    store.set_attributes({_of_law(name, axis): float(value)
                           for name, value in dataclasses.asdict(law).items()})
     store.set_attributes({'exponent_at_tangency': exponent,
                           'exponent_at_tangency_error': exponent_error, 'paper_alpha': PAPER})
 
 
+def _of_law(name: str, axis: str) -> str:
+    return f'law_{name.replace("critical", f"{axis}_c")}'
+
+
 def describe(dataset: Arrays) -> str:
     """Put a crisis in words."""
-    a = dataset.attrs
-    law = LifetimeLaw(**{field.name: a[f'law_{field.name}']
+    a, axis = dataset.attrs, swept(dataset.attrs)
+    law = LifetimeLaw(**{field.name: a[_of_law(field.name, axis)]
                          for field in dataclasses.fields(LifetimeLaw)})
-    alpha, apart = a['tangency_alpha'], law.alpha_c - a['tangency_alpha']
-    born = (f', born in a {a["saddle_born"]} at alpha = {a["saddle_born_alpha"]:.9f}'
+    value = a[f'tangency_{axis}']
+    apart = law.critical - value
+    born = (f', born in a {a["saddle_born"]} at {axis} = {a[f"saddle_born_{axis}"]:.9f}'
             if a['saddle_born'] else '')
     lines = [
         f'boundary crisis of {a["attractor"]}; {a["captor"]} captures what escapes',
         f'it collides with the saddle {a["saddle"]} of '
         f'{counted(a["saddle_impacts"], "impact")} in '
         f'{counted(a["saddle_drive_periods"], "drive period")}{born}',
-        in_columns(['found from', 'alpha_c [1]', 'exponent of the lifetime [1]'], [
+        in_columns(['found from', f'{axis}_c [1]', 'exponent of the lifetime [1]'], [
             [f'{a["tangency"]} tangency',
-             f'{alpha:.10f} +- {a["tangency_uncertainty"]:.1g}',
+             f'{value:.10f} +- {a["tangency_uncertainty"]:.1g}',
              f'{a["tangency_exponent"]:.4f} in the limit'],
-            ['escape rates', f'{law.alpha_c:.7f} +- {law.alpha_c_error:.1g}',
+            ['escape rates', f'{law.critical:.7f} +- {law.critical_error:.1g}',
              f'{law.exponent:.3f} +- {law.exponent_error:.3f}, chi^2 per degree of freedom '
              f'{law.chi_square:.1f}'],
-            ['escape rates, alpha_c given', f'{alpha:.10f}',
+            [f'escape rates, {axis}_c given', f'{value:.10f}',
              f'{a["exponent_at_tangency"]:.3f} +- {a["exponent_at_tangency_error"]:.3f}']]),
-        f'both places differ by {apart:.1g}, {abs(apart) / law.alpha_c_error:.1f} standard errors',
-        f'before it, at alpha = {dataset["alpha"].values[0]:.7f}: '
+        f'both places differ by {apart:.1g}, '
+        f'{abs(apart) / law.critical_error:.1f} standard errors',
+        f'before it, at {axis} = {dataset[axis].values[0]:.7f}: '
         f'{counted(dataset["escapes"].values[0], "escape")} in '
         f'{dataset["at_risk"].values[0]:.3g} impacts']
-    if PAPER_BRACKET[0] < alpha < PAPER_BRACKET[1]:
+    if axis == 'alpha' and PAPER_BRACKET[0] < value < PAPER_BRACKET[1]:
         lines.append(f'the paper prints alpha_c = {PAPER}; the difference is '
-                     f'{alpha - PAPER:+.7f}, and its bracket {PAPER_BRACKET[0]:.3f} to '
+                     f'{value - PAPER:+.7f}, and its bracket {PAPER_BRACKET[0]:.3f} to '
                      f'{PAPER_BRACKET[1]:.3f} holds what is found here')
     return '\n'.join(lines)

@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from .attractors import identity_of, require_window
+from .attractors import identity_along
 from ..attractors.catalogue import Kind
 from ..attractors.columns import Branch, Window
 from ..attractors.listing import named
@@ -29,9 +29,10 @@ from ..attractors.plane import Plane, STATE
 from ..core.arrays import FloatArray
 from ..core.flight.lanes_step import LANES
 from ..core.model import Parameters
+from ..core.path import Path
 from ..store.layout import Axis, Layout, Variable
 
-# Attractors kept apart at one alpha; what is beyond is counted with the last of them.
+# Attractors kept apart in one column; what is beyond is counted with the last of them.
 SLOTS: Final = 6
 # Columns of a tile.
 TILE: Final = 8
@@ -39,7 +40,7 @@ SWEEPS: Final = ('random', 'up', 'down')
 KINDS: Final = tuple(kind.value for kind in Kind)
 # Longest name.
 KEY: Final = '<U48'
-# Impacts of each attractor that are kept, to know it again at the next alpha.
+# Impacts of each attractor that are kept, to know it again in the next column.
 POINTS: Final = 64
 # What is measured of the boundary between basins, where that is asked for.
 BOUNDARY: Final = {
@@ -63,18 +64,16 @@ def in_order(sweeps: tuple[str, ...]) -> tuple[str, ...]:
 class Diagram:
     """What an orbit diagram is made of."""
 
-    parameters: Parameters
-    alphas: tuple[float, float]  # ends of the window [1], whatever the alpha of `parameters`
-    columns: int  # amplitudes, equally spaced, both ends included
+    path: Path
+    columns: int  # equally spaced on it, both ends included
     plane: Plane  # from which initial conditions are drawn
-    trajectories: int  # at each amplitude; in sweeps up and down at most `LANES`
+    trajectories: int  # at each column; in sweeps up and down at most `LANES`
     seed: int
     window: Window
     sweeps: tuple[str, ...] = SWEEPS
     boundary: bool = False  # whether the boundary between basins is measured
 
     def __post_init__(self) -> None:
-        require_window(self.alphas)
         if not 2 <= self.columns <= 100_000:
             raise ValueError(f'columns = {self.columns} is not between 2 and 100000')
         if not 1 <= self.trajectories <= 100_000:
@@ -82,37 +81,37 @@ class Diagram:
 
     @property
     def values(self) -> FloatArray:
-        """Amplitudes [1]."""
-        return np.linspace(*self.alphas, self.columns)
+        """Coordinates of the columns [1]."""
+        return self.path.values(self.columns)
 
     def draw(self, column: int) -> npt.NDArray[np.void]:
         """Draw the initial conditions of a column, which has a seed of its own."""
         return self.plane.draw(self.at(column), self.trajectories, self.seed * 1_000_003 + column)
 
     def at(self, column: int) -> Parameters:
-        """Return the parameters of a column, with its alpha."""
-        return dataclasses.replace(self.parameters, alpha=float(self.values[column]))
+        """Return the parameters of a column."""
+        return self.path.at(float(self.values[column]))
 
 
 def layout_of(diagram: Diagram) -> Layout:
     """Return the layout of the store: a tile is `TILE` columns of one sweep."""
     window, plane = diagram.window, diagram.plane
     edges = np.linspace(window.low, window.high, window.bins + 1)
-    identity = identity_of(
-        'orbit_diagram', diagram.parameters, plane, alpha_window=list(diagram.alphas),
-        columns=diagram.columns, trajectories=diagram.trajectories, seed=diagram.seed,
+    axis = diagram.path.name
+    identity = identity_along(
+        'orbit_diagram', [diagram.path], plane, columns=diagram.columns,
+        trajectories=diagram.trajectories, seed=diagram.seed,
         initial_velocity_window=list(plane.velocity), hold=window.hold,
         impacts_counted=window.keep, velocity_window=[window.low, window.high], bins=window.bins,
         sweeps=list(diagram.sweeps), **({'boundary': 1} if diagram.boundary else {}))
-    del identity['alpha']
     if window.kicks:
         identity['kicks'] = 'smallest'
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     axes = (
         Axis('sweep', np.array(diagram.sweeps), named(
-            'random: drawn at each alpha; up, down: followed from the last state', None), 1),
-        Axis('alpha', diagram.values, named('amplitude of the drive'), TILE),
-        Axis('slot', np.arange(SLOTS), named('attractors at one alpha, largest first', None)),
+            f'random: drawn at each {axis}; up, down: followed from the last state', None), 1),
+        Axis(axis, diagram.values, named(diagram.path.words), TILE),
+        Axis('slot', np.arange(SLOTS), named(f'attractors at one {axis}, largest first', None)),
         Axis('velocity', 0.5 * (edges[1:] + edges[:-1]),
              named('velocity before the impact, centre of the bin')),
         Axis('sample', np.arange(POINTS), named('some impacts of an attractor', None)),
@@ -121,7 +120,7 @@ def layout_of(diagram: Diagram) -> Layout:
         Axis('lane', np.arange(LANES), named('trajectory that is followed', None)),
         Axis('state', np.array(STATE), named('phase [rad], displacement, velocity [1]', None)))
     return Layout(axes, tuple(
-        Variable(name, ('sweep', 'alpha', *others), dtype, named(words, units))
+        Variable(name, ('sweep', axis, *others), dtype, named(words, units))
         for name, others, dtype, words, units in (
             ('count', ('slot', 'velocity'), '<u4', 'impacts counted', '1'),
             ('key', ('slot',), KEY, 'name of the attractor, empty for none', None),
@@ -146,9 +145,10 @@ def layout_of(diagram: Diagram) -> Layout:
 
 
 def describe(columns: list[list[Branch]], diagram: Diagram) -> dict[str, npt.NDArray[Any]]:
-    """Lay out the attractors of some columns as an array (alpha, slot ...) by variable."""
+    """Lay out the attractors of some columns as an array (column, slot ...) by variable."""
     layout = layout_of(diagram)
-    sizes = {axis.name: len(axis.values) for axis in layout.axes} | {'alpha': len(columns)}
+    sizes = {axis.name: len(axis.values) for axis in layout.axes} | {
+        diagram.path.name: len(columns)}
     values = {each.name: np.full([sizes[name] for name in each.dimensions[1:]],
                                  NOTHING.get(each.name, math.nan), each.dtype)
               for each in layout.variables}

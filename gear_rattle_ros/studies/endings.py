@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a chaotic attractor ends: it is followed in small steps of alpha, with its own states."""
+"""Where a chaotic attractor ends: it is followed in small steps on a path, with its own states."""
 
 from collections.abc import Callable, Iterator
 import dataclasses
@@ -35,10 +35,11 @@ from ..core.many.orbit_table import dilated
 from ..core.many.recognition import find_orbit
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import RecordArray, RESTS_LOWER, RESTS_UPPER
-from ..core.model import ALPHA_MAXIMUM, Parameters
+from ..core.model import Parameters
 from ..core.orbits.branches import Change, follow, is_own_image, Turn
 from ..core.orbits.orbit import close_near, Orbit
 from ..core.orbits.section import shortest_recurrence
+from ..core.path import Path
 
 # Impacts of a round, the last of them that are examined, and the fewest rounds.
 ROUND: Final = 2048
@@ -51,12 +52,13 @@ BOXES: Final = 128
 ROOM: Final = 1.2
 # Beyond a crisis escapes are timed where the mean lifetime is at least this fraction of the
 # impacts over which the attractor is watched, and up to `SPAN` times as long; `ESCAPES` at each
-# amplitude, whose distances go by a factor.
+# place, whose distances go by a factor.
 SHORTEST: Final = 0.25
 SPAN: Final = 16.0
 ESCAPES: Final = 48
 FACTOR: Final = math.sqrt(2.0)
-# Distance over which an orbit is followed to the end of its window [1], which is left by a leap.
+# Distance, in the parameters, over which an orbit is followed to the end of its window [1], which
+# is left by a leap.
 WIDEST: Final = 0.05
 LEAP: Final = 2.5
 # Where this number of escapes is expected, none is seen once in twenty times; the rate grows
@@ -94,11 +96,12 @@ class End:
     # crisis: they come back to it now and then; orbit: it does not end, but goes on as an orbit
     # whose doublings lead up to it.
     kind: str
-    alpha: float
-    uncertainty: float  # how far off alpha can be [1]
+    path: Path
+    value: float  # its coordinate [1]
+    uncertainty: float  # how far off that can be [1]
     captor: Captor  # what trajectories settle on: of a window where it is born, else beyond
     last: Herd  # that did not escape
-    direction: float = 1.0  # in which alpha went, +1 or -1
+    direction: float = 1.0  # in which it was followed, +1 or -1
 
     @property
     def parameters(self) -> Parameters:
@@ -142,44 +145,44 @@ def watch(parameters: Parameters, states: RecordArray, hold: int,
     return Herd(parameters, states, dilated(region), speed)
 
 
-def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance: float,
-             hold: int) -> End | None:
-    """Follow a chaotic attractor to its end, as far as the column at `edge`."""
-    # The steps in alpha have the sign of `direction`; `width` is the first and the longest,
-    # `tolerance` the shortest. An attractor lasts where `LANES` trajectories stay for `hold`
-    # impacts. None where it does not end.
+def find_end(herd: Herd, path: Path, direction: float, width: float, edge: float,
+             tolerance: float, hold: int) -> End | None:
+    """Follow a chaotic attractor along a path to its end, as far as the column at `edge`."""
+    # The steps have the sign of `direction`; `width` is the first and the longest, `tolerance` the
+    # shortest. An attractor lasts where `LANES` trajectories stay for `hold` impacts. None where
+    # it does not end.
     step, stayed = width, 0
     captor: Captor = None
     turn = None
 
-    def go_to(alpha: float) -> Herd | Captor:
-        return watch(_at(herd, alpha), herd.states, hold, herd)
+    def go_to(value: float) -> Herd | Captor:
+        return watch(path.at(value, nearest=True), herd.states, hold, herd)
 
     while step >= tolerance:
-        low = herd.parameters.alpha
+        low = path.of(herd.parameters)
         left = direction * (edge - low)
         if left < tolerance:
             return None
-        alpha = low + direction * min(step, left)
-        trial = go_to(alpha)
+        value = low + direction * min(step, left)
+        trial = go_to(value)
         if isinstance(trial, Herd):
             herd, stayed = trial, stayed + 1
             # Once is what a bisection does; twice, the step had failed for its length alone.
             step = min(width, 2.0 * step) if stayed > 1 else step
             continue
         captor, stayed = trial, 0
-        turn = _born(captor, herd, low, direction) if isinstance(captor, Orbit) else None
+        turn = _born(captor, path, herd, low, direction) if isinstance(captor, Orbit) else None
         if isinstance(captor, Orbit) and turn is not None:
             if turn.orbit.impacts == captor.impacts and (
                     turn.change is Change.DOUBLING
                     or turn.change is Change.PITCHFORK and is_own_image(captor)):
-                return End('orbit', alpha, 0.0, captor, herd)
-            if abs(math.remainder(alpha - edge, width)) < 1e-6 * width:
+                return End('orbit', path, value, 0.0, captor, herd)
+            if abs(math.remainder(value - edge, width)) < 1e-6 * width:
                 # A column shows it.
-                before = go_to(turn.alpha - direction * tolerance)
+                before = go_to(turn.value - direction * tolerance)
                 if isinstance(before, Herd):
                     herd = before
-                    after = go_to(turn.alpha + direction * tolerance)
+                    after = go_to(turn.value + direction * tolerance)
                     if isinstance(after, Herd):
                         herd = after
                         continue
@@ -189,46 +192,49 @@ def find_end(herd: Herd, direction: float, width: float, edge: float, tolerance:
                 # A window narrower than a column is not an end: chaos is back beyond it.
                 column = edge - direction * width * (
                     math.ceil(direction * (edge - low) / width - 1e-6) - 1)
-                beyond = go_to(direction * min(direction * _far_side(captor, turn, direction),
+                beyond = go_to(direction * min(direction * _far_side(captor, path, turn,
+                                                                     direction),
                                                direction * column))
                 if isinstance(beyond, Herd):
                     herd = beyond
                     continue
         step *= 0.5
-    return _crisis(herd, direction, step, captor, hold, width) if turn is None else End(
-        'window', turn.alpha, turn.uncertainty, turn.orbit, herd)
+    return _crisis(herd, path, direction, step, captor, hold, width) if turn is None else End(
+        'window', path, turn.value, turn.uncertainty, turn.orbit, herd)
 
 
-def _far_side(captor: Orbit, turn: Turn, direction: float) -> float:
+def _far_side(captor: Orbit, path: Path, turn: Turn, direction: float) -> float:
     # A window is 9/4 times as wide as its first orbit is stable (Yorke et al. 1985).
-    alpha = captor.parameters.alpha
-    last = follow(captor, direction, alpha - WIDEST, alpha + WIDEST, to_first_turn=True).orbits[-1]
-    return turn.alpha + LEAP * (last.parameters.alpha - turn.alpha)
+    value, widest = path.of(captor.parameters), WIDEST * path.unit
+    last = follow(captor, path, direction, value - widest, value + widest,
+                  to_first_turn=True).orbits[-1]
+    return turn.value + LEAP * (path.of(last.parameters) - turn.value)
 
 
-def _born(captor: Orbit, herd: Herd, low: float, direction: float) -> Turn | None:
+def _born(captor: Orbit, path: Path, herd: Herd, low: float, direction: float) -> Turn | None:
     # Where an orbit in the midst of the attractor was born, if that was not before.
     if captor.sticks != NO_WALL or herd.strays(captor.phases, captor.velocities):
         return None
-    alpha = captor.parameters.alpha
-    turns = follow(captor, -direction, min(low, alpha), max(low, alpha), to_first_turn=True).turns
-    return turns[0] if turns and direction * (turns[0].alpha - low) > 0.0 else None
+    value = path.of(captor.parameters)
+    turns = follow(captor, path, -direction, min(low, value), max(low, value),
+                   to_first_turn=True).turns
+    return turns[0] if turns and direction * (turns[0].value - low) > 0.0 else None
 
 
-def _crisis(herd: Herd, direction: float, step: float, captor: Captor, hold: int, width: float
-            ) -> End:
-    low, high = herd.parameters.alpha, 2.0 * step
+def _crisis(herd: Herd, path: Path, direction: float, step: float, captor: Captor, hold: int,
+            width: float) -> End:
+    low, high = path.of(herd.parameters), 2.0 * step
     shortest = max(SHORTEST * hold, 2.0 * ROUND)
 
     def rate(distance: float, wanted: int) -> EscapeRate:
-        return time_escapes(_at(herd, low + direction * distance), herd, wanted,
+        return time_escapes(path.at(low + direction * distance, nearest=True), herd, wanted,
                             2.0 * wanted * SPAN * shortest)
 
     far = distance_of(rate, high, width, shortest)
     kind = 'interior crisis' if captor is None and returns(
-        _at(herd, low + direction * far), herd, hold) else 'crisis'
+        path.at(low + direction * far, nearest=True), herd, hold) else 'crisis'
     beyond, uncertainty = locate(rate, high, far, width, hold)
-    return End(kind, low + direction * beyond, uncertainty, captor, herd, direction)
+    return End(kind, path, low + direction * beyond, uncertainty, captor, herd, direction)
 
 
 # The rate at a distance, measured until there are so many events.
@@ -271,9 +277,9 @@ def locate(rate: Rate, high: float, far: float, width: float, hold: int) -> tupl
     timed_well = [(d, k.rate, k.error) for d, k in seen if k.mean > ROUND]
     if len(timed_well) >= FITTED:
         law = fit_law(*zip(*timed_well, strict=True))
-        if law.alpha_c_error < uncertainty:
-            beyond = min(max(law.alpha_c, -hidden), high)
-            uncertainty = max(law.alpha_c_error, 0.5 * high, abs(law.alpha_c - beyond))
+        if law.critical_error < uncertainty:
+            beyond = min(max(law.critical, -hidden), high)
+            uncertainty = max(law.critical_error, 0.5 * high, abs(law.critical - beyond))
     return beyond, uncertainty
 
 
@@ -314,10 +320,6 @@ def time_escapes(parameters: Parameters, herd: Herd, wanted: int, most: float) -
             states[gone] = anew
     rate = -math.log1p(-escapes / (rounds + 1.0)) / ROUND
     return EscapeRate(rate, rate / math.sqrt(max(1, escapes)), escapes, float(rounds * ROUND))
-
-
-def _at(herd: Herd, alpha: float) -> Parameters:
-    return dataclasses.replace(herd.parameters, alpha=min(max(alpha, 0.0), ALPHA_MAXIMUM))
 
 
 def _go_on(parameters: Parameters, states: RecordArray

@@ -25,54 +25,54 @@ from ..core.arrays import FloatArray
 
 ITERATIONS: Final = 500
 CONVERGED: Final = 1e-12
-# Parts of a jackknife, and amplitudes that it takes.
+# Parts of a jackknife, and places that it takes.
 QUARTERS: Final = 4
 FITTED: Final = 2 * QUARTERS
 
 
 @dataclasses.dataclass(frozen=True)
 class LifetimeLaw:
-    """The law ``rate = scale (alpha - alpha_c)^exponent``, fitted, with standard errors [1]."""
+    """The law ``rate = scale (place - critical)^exponent``, fitted, with standard errors [1]."""
 
-    alpha_c: float
-    alpha_c_error: float
+    critical: float  # place at which the rate vanishes
+    critical_error: float
     exponent: float
     exponent_error: float
     scale: float
     chi_square: float  # per degree of freedom
 
 
-def fit_law(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) -> LifetimeLaw:
+def fit_law(places: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike) -> LifetimeLaw:
     """Fit the law to four or more positive escape rates, by least squares of their logarithms."""
     # The rates of a fractal set oscillate about the law by some per cent, whatever the number of
     # trajectories. So the errors are the largest of those of the fit, those of a jackknife that
-    # leaves out a quarter of the amplitudes at a time, and the change when only the nearer half is
+    # leaves out a quarter of the places at a time, and the change when only the nearer half is
     # fitted. That of the place is at least its distance from the nearest amplitude.
-    given = np.array([alphas, rates, errors], np.float64)
+    given = np.array([places, rates, errors], np.float64)
     a, k, e = given[:, np.argsort(given[0])]
     if len(a) < 4 or not np.all(k > 0.0):
         raise ValueError(f'{np.count_nonzero(k > 0.0)} escape rates are not enough for a law with '
-                         'three constants; take more amplitudes or more trajectories')
+                         'three constants; take more places or more trajectories')
     law = _fit(a, k, e)
-    nearest = float(a[0]) - law.alpha_c
+    nearest = float(a[0]) - law.critical
     if len(a) < FITTED:
-        return dataclasses.replace(law, alpha_c_error=max(law.alpha_c_error, nearest))
+        return dataclasses.replace(law, critical_error=max(law.critical_error, nearest))
     part = np.arange(len(a)) * QUARTERS // len(a)
     others = [_fit(a[part != p], k[part != p], e[part != p]) for p in range(QUARTERS)]
     half = len(a) // 2
     near = _fit(a[:half], k[:half], e[:half])
     return dataclasses.replace(
         law,
-        alpha_c_error=max(law.alpha_c_error, _jackknife([one.alpha_c for one in others]),
-                          abs(near.alpha_c - law.alpha_c), nearest),
+        critical_error=max(law.critical_error, _jackknife([one.critical for one in others]),
+                           abs(near.critical - law.critical), nearest),
         exponent_error=max(law.exponent_error, _jackknife([one.exponent for one in others]),
                            abs(near.exponent - law.exponent)))
 
 
-def fit_exponent(alphas: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike,
-                 alpha_c: float) -> tuple[float, float]:
+def fit_exponent(places: npt.ArrayLike, rates: npt.ArrayLike, errors: npt.ArrayLike,
+                 critical: float) -> tuple[float, float]:
     """Fit the exponent and its jackknife error [1] where the place of the crisis is known."""
-    x = np.log(np.asarray(alphas, np.float64) - alpha_c)
+    x = np.log(np.asarray(places, np.float64) - critical)
     k, e = np.asarray(rates, np.float64), np.asarray(errors, np.float64)
     part = np.arange(len(x)) * QUARTERS // len(x)
     whole, *others = (float(np.polyfit(x[part != p], np.log(k[part != p]), 1,
@@ -93,7 +93,7 @@ def _fit(a: FloatArray, k: FloatArray, e: FloatArray) -> LifetimeLaw:
     best = float(np.sum(residual**2))
     for _ in range(ITERATIONS):
         normal = slope.T @ slope
-        # Rates that do not depend on alpha leave its place undetermined.
+        # Rates that do not depend on the place leave the critical one undetermined.
         step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), -slope.T @ residual,
                                rcond=None)[0]
         trial, trial_slope = _law(x + step, a, k, weight)

@@ -12,17 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Escapes from a chaotic transient, timed at amplitudes on both sides of a crisis."""
+"""Escapes from a chaotic transient, timed at places on both sides of a crisis."""
 
 import dataclasses
 import functools
-from pathlib import Path
+import pathlib
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from .attractors import identity_of
+from .attractors import identity_along
 from .work import Work
 from ..attractors.finding import find_attractors
 from ..attractors.listing import named
@@ -31,7 +31,7 @@ from ..core.arrays import FloatArray
 from ..core.flight.lanes import make_initial_conditions, new_tiles
 from ..core.flight.lanes_step import LANES
 from ..core.many.escape import CAPTURED, escape_rate, EscapeRate, last_until_captured, SURVIVED
-from ..core.model import Parameters
+from ..core.path import Path, SEVERAL
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
@@ -39,7 +39,7 @@ from ..store.store import Store
 ELSEWHERE: Final = 2
 # Impacts for which a survivor is followed.
 SURVIVED_LOOK: Final = 1000
-# Independent parts in which the escapes at an amplitude are counted, a tile each.
+# Independent parts in which the escapes at a place are counted, a tile each.
 PARTS: Final = 8
 
 
@@ -47,15 +47,15 @@ PARTS: Final = 8
 class Escapes:
     """Trajectories whose escape is timed."""
 
-    alphas: tuple[float, ...]  # the first before the crisis, to see that nothing escapes
-    parameters: Parameters
-    plane: Plane  # from which initial conditions are drawn, the same at each alpha
-    wanted: int  # escapes at each alpha, shared among `PARTS`
+    values: tuple[float, ...]  # places; the first before the crisis, to see that nothing escapes
+    path: Path
+    plane: Plane  # from which initial conditions are drawn, the same at each place
+    wanted: int  # escapes at each place, shared among `PARTS`
     seed: int
     skip: int  # impacts within which escapes do not count: these began in the basin
     limit: int  # impacts after which a trajectory is given up
-    limit_before: int  # the same, at the first alpha
-    captors: tuple[tuple[FloatArray, ...], ...]  # points of each at each alpha (phase, velocity)
+    limit_before: int  # the same, at the first place
+    captors: tuple[tuple[FloatArray, ...], ...]  # points of each at each place (phase, velocity)
     radius: float  # a trajectory is captured within this of them [rad, 1]
 
     @property
@@ -69,18 +69,21 @@ class Escapes:
 
 
 def layout_of(escapes: Escapes, attributes: dict[str, Any]) -> Layout:
-    """Return the layout of the store: a tile for each part of each alpha."""
-    plane, of_each = escapes.plane, ('alpha', 'part', 'trajectory')
-    identity = identity_of(
-        'crisis', escapes.parameters, plane, alphas=list(escapes.alphas),
+    """Return the layout of the store: a tile for each part of each place."""
+    plane, of_each = escapes.plane, (escapes.path.name, 'part', 'trajectory')
+    identity = identity_along(
+        'crisis', [escapes.path], plane, **{f'{escapes.path.name}s': list(escapes.values)},
         escapes_wanted=escapes.wanted, seed=escapes.seed,
         initial_velocity_window=list(plane.velocity), impacts_skipped=escapes.skip,
         impacts_limit=escapes.limit, impacts_limit_before=escapes.limit_before,
         capture_radius=escapes.radius,
         captors=' '.join(str(len(one)) for one in escapes.captors[-1]))
-    del identity['alpha'], identity['velocity_window']
+    del identity['velocity_window']
+    # The values say where; of a straight path its ends are needed, too.
+    if escapes.path.name != SEVERAL:
+        del identity[f'{escapes.path.name}_window']
     return Layout(
-        (Axis('alpha', np.array(escapes.alphas), named('amplitude of the drive'), 1),
+        (Axis(escapes.path.name, np.array(escapes.values), named(escapes.path.words), 1),
          Axis('part', np.arange(PARTS), named('independent part', None), 1),
          Axis('trajectory', np.arange(escapes.trajectories),
               named('number of the initial condition', None))),
@@ -92,10 +95,10 @@ def layout_of(escapes: Escapes, attributes: dict[str, Any]) -> Layout:
         identity, attributes)
 
 
-def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
-    """Time the escapes of one part at one alpha into its tile; return the impacts made."""
+def time_escapes(escapes: Escapes, output: pathlib.Path, tile: int) -> int:
+    """Time the escapes of one part at one place into its tile; return the impacts made."""
     k, part = divmod(tile, PARTS)
-    parameters = dataclasses.replace(escapes.parameters, alpha=escapes.alphas[k])
+    parameters = escapes.path.at(escapes.values[k])
     captors = escapes.captors[k]
     initial = escapes.plane.draw(parameters, escapes.trajectories, escapes.seed * 1_000_003 + part)
     lifetimes, fates, ends = last_until_captured(
@@ -113,7 +116,7 @@ def time_escapes(escapes: Escapes, output: Path, tile: int) -> int:
 
 
 def rates_of(lifetimes: npt.NDArray[Any], fates: npt.NDArray[Any], skip: int) -> list[EscapeRate]:
-    """Estimate the escape rate at each alpha, from what is stored there."""
+    """Estimate the escape rate at each place, from what is stored there."""
     return [escape_rate(life[counted], fate[counted] != CAPTURED, skip)
             for life, fate, counted in zip(
                 lifetimes, fates, np.isin(fates, (CAPTURED, SURVIVED)), strict=True)]
@@ -122,7 +125,7 @@ def rates_of(lifetimes: npt.NDArray[Any], fates: npt.NDArray[Any], skip: int) ->
 def compute(escapes: Escapes, attributes: dict[str, Any], work: Work) -> Store:
     store = work.begin(layout_of(escapes, attributes))
     # Lifetimes go nearly as the inverse of the distance from the crisis: so does the time left.
-    distances = np.abs(np.array(escapes.alphas) - attributes['tangency_alpha'])
+    distances = np.abs(np.array(escapes.values) - attributes[f'tangency_{escapes.path.name}'])
     weights = np.repeat(np.ceil(1000.0 * distances.min() / distances).astype(int), PARTS)
     with work.pending('crisis', store, lambda tile: int(weights[tile])) as (tiles, finished):
         work.run(functools.partial(time_escapes, escapes, store.path), tiles, finished)

@@ -24,6 +24,7 @@ from typing import Final, Unpack
 import numpy as np
 
 from . import basins
+from .attractors import path_attributes
 from .tangency import first_touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.catalogue import Catalogue
@@ -34,13 +35,14 @@ from ..core.flight.inverse import require_inverse
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.many.settling import UNSETTLED
-from ..core.model import Parameters, Wall
+from ..core.model import ALPHA_MAXIMUM, Parameters, Wall
 from ..core.orbits.branches import follow
 from ..core.orbits.cells import find_cells, first_crossing
 from ..core.orbits.curves import Curve, impact_map, joined, Segment, segments_of, sides_of
 from ..core.orbits.manifolds import Saddle, saddle_of
 from ..core.orbits.orbit import close_near, close_orbit, Orbit
 from ..core.orbits.section import distances
+from ..core.path import Path
 from ..core.words import counted
 from ..store.store import Store
 
@@ -64,7 +66,7 @@ KEY: Final = re.compile(r'(?:orbit-)?(\d+)-\d+-(?:U(?=.*[+])|L)([\d.]+)([-+][\d.
 def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str | None = None,
               point: tuple[float, float, float] | None = None, period: int | None = None,
               length: float = 200.0, precision: float = 1e-3,
-              touch: tuple[float, float] | None = None, cap: int = BASINS_CAP,
+              touch: Path | None = None, cap: int = BASINS_CAP,
               tolerance: float = TOLERANCE, initial_conditions: int = INITIAL_CONDITIONS,
               seed: int = SEED, hold: int = HOLD, tile: int | None = None,
               **options: Unpack[WorkOptions]) -> Store:
@@ -88,8 +90,8 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
         Length of each side of a manifold [1], nearly.
     precision : float
         Bound of the distance between neighbours times the angle between them [1].
-    touch : tuple of float, optional
-        Two amplitudes between which the manifolds first touch.
+    touch : Path, optional
+        Path through the model, on which it is sought where the manifolds first touch.
     cap, tolerance, initial_conditions, seed, hold, tile
         As `basins` takes them.
 
@@ -103,13 +105,15 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
                                    ('precision', precision, 1e-6, 0.1)):
         if not low <= value <= high:
             raise ValueError(f'{name} = {value:g} is not between {low:g} and {high:g}')
+    if touch is not None and not touch.meets(parameters):
+        raise ValueError('the path of the first touch does not lead through the model')
     saddle = saddle_of(find_saddle(parameters, orbit, point, period))
     work = Work(**options)
     store, catalogue = basins.compute_basins(
         parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, tile=tile, name=NAME, title=TITLE,
         saddle=saddle.orbit.name, length=length, precision=precision,
-        touch=list(touch or ()))
+        **path_attributes('touch', touch))
     if not store.has_table('curve_wall'):
         curves: dict[str, Curve] = {}
         with work.report('curves', len(segments_of(saddle))) as progress:
@@ -119,10 +123,11 @@ def manifolds(parameters: Parameters, plane: Plane | None = None, *, orbit: str 
                 curves[name] = curve
                 progress.add(1, len(curve.walls))
         _write(store, saddle, catalogue, curves, work)
-    if touch is not None and 'touch_alpha' not in store.attrs:
+    if touch is not None and 'touch_error' not in store.attrs:
         with work.report('first touch', 70, uneven=True) as progress:
-            found = first_touch(saddle.orbit, *touch, searched=progress.add)
-        store.set_attributes({'touch_alpha': found.alpha, 'touch_error': found.uncertainty})
+            found = first_touch(saddle.orbit, touch, searched=progress.add)
+        store.set_attributes({f'touch_{touch.name}': found.value,
+                              'touch_error': found.uncertainty})
     return store
 
 
@@ -177,8 +182,9 @@ def _close(parameters: Parameters, point: Sequence[float], period: int, reach: f
 def partner_of(orbit: Orbit) -> Orbit:
     """Find the saddle that was born with a stable orbit, where its branch has turned round."""
     alpha = orbit.parameters.alpha
+    path = Path.over(orbit.parameters, alpha=(0.0, ALPHA_MAXIMUM))
     for direction in (-1.0, 1.0):
-        branch = follow(orbit, direction, max(0.0, alpha - BEYOND), alpha + BEYOND).orbits
+        branch = follow(orbit, path, direction, alpha - BEYOND, alpha + BEYOND).orbits
         offsets = np.array([each.parameters.alpha - alpha for each in branch])
         for k in np.flatnonzero(offsets[1:] * offsets[:-1] < 0.0):
             found = close_orbit(branch[k].walls, branch[k].points, orbit.parameters)
@@ -249,7 +255,8 @@ def describe(dataset: Arrays) -> str:
     """Put the curves, where they lead and cross, and the basins in words."""
     a = dataset.attrs
     first, second = a['multipliers']
-    touch = (f'\nthe manifolds first touch at alpha = {a["touch_alpha"]:.9f} +- '
-             f'{a["touch_error"]:.1e}' if 'touch_alpha' in a else '')
+    axis = a.get('touch_along', 'alpha')
+    touch = (f'\nthe manifolds first touch at {axis} = {a[f"touch_{axis}"]:.9f} +- '
+             f'{a["touch_error"]:.1e}' if 'touch_error' in a else '')
     return (f'saddle {a["orbit"]}: multipliers {first:.6g} and {second:.6g}\n{a["curves"]}{touch}'
             f'\n{basins.describe(dataset)}')

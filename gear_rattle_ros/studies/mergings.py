@@ -49,6 +49,7 @@ from ..core.many.escape import EscapeRate
 from ..core.many.recorded import initial_after, record_impacts
 from ..core.model import Parameters
 from ..core.orbits.section import shortest_recurrence
+from ..core.path import Path
 
 # Rounds after which trajectories have forgotten where they began, rounds in which the attractor
 # is then seen, and boxes along an edge of what they visit in it.
@@ -69,22 +70,23 @@ NUDGES: Final = (1.0, 0.98, 1.03)
 
 # Which trajectories do something in a round.
 Lanes: TypeAlias = npt.NDArray[np.bool_]
-# What they do at an alpha, round by round; the rounds end where they are not chaotic.
+# What they do somewhere, round by round; the rounds end where they are not chaotic.
 Watch: TypeAlias = Callable[[Parameters], Iterator[Lanes]]
 
 
 @dataclasses.dataclass(frozen=True)
 class Shape:
-    """The shape of a chaotic attractor at one alpha."""
+    """The shape of a chaotic attractor at one place on a path."""
 
-    parameters: Parameters
+    path: Path
+    value: float  # its coordinate [1]
     pieces: int
     edges: FloatArray  # least and greatest speed on the upper and the lower wall [1], or nan
     state: FloatArray  # where one trajectory is: phase, displacement, velocity
 
     @property
-    def alpha(self) -> float:
-        return self.parameters.alpha
+    def parameters(self) -> Parameters:
+        return self.path.at(self.value)
 
     def grown(self, other: 'Shape') -> FloatArray:
         """Return how far another has grown beyond each edge, in parts of the range there."""
@@ -96,15 +98,19 @@ class Shape:
 class Reshaping:
     """Where a chaotic attractor changes its shape."""
 
-    alpha: float
-    uncertainty: float  # how far off alpha can be [1]
+    value: float  # coordinate of the path [1]
+    uncertainty: float  # how far off it can be [1]
     inside: Shape  # more pieces, or the smaller one
     outside: Shape
 
     @property
     def direction(self) -> float:
-        """Return the direction of alpha from the inside to the outside, +1 or -1."""
-        return math.copysign(1.0, self.outside.alpha - self.inside.alpha)
+        """Return the direction from the inside to the outside, +1 or -1."""
+        return math.copysign(1.0, self.outside.value - self.inside.value)
+
+    @property
+    def path(self) -> Path:
+        return self.inside.path
 
     @property
     def parameters(self) -> Parameters:
@@ -115,8 +121,9 @@ class Reshaping:
         return spread_out(self.inside.parameters, self.inside.state)
 
 
-def shape_at(parameters: Parameters, state: FloatArray) -> Shape | None:
+def shape_at(path: Path, value: float, state: FloatArray) -> Shape | None:
     """Look at an attractor on which one state lies, or nearly; None where it is not chaotic."""
+    parameters = path.at(value)
     seen = list(itertools.islice(_rounds(parameters, state), SETTLED, SETTLED + SEEN))
     if len(seen) < SEEN:
         return None
@@ -125,7 +132,7 @@ def shape_at(parameters: Parameters, state: FloatArray) -> Shape | None:
     edges = [look(speed[side]) if side.any() else math.nan
              for side in (upper, ~upper) for look in (np.min, np.max)]
     last = initial_after(parameters, rows['phase'][:1, -1], rows['velocity'][:1, -1])[0]
-    return Shape(parameters, count_pieces(rows), np.array(edges), np.array(
+    return Shape(path, value, count_pieces(rows), np.array(edges), np.array(
         [last[name] for name in STATE]))
 
 
@@ -135,7 +142,7 @@ def find_mergings(inside: Shape, outside: Shape, tolerance: float, hold: int
     while outside.pieces < inside.pieces <= MOST:
         watch = functools.partial(passages, state=inside.state, pieces=inside.pieces)
         ends = _narrow(inside, outside, watch, tolerance, hold)
-        found = ends and _locate(ends, watch, abs(outside.alpha - inside.alpha), hold,
+        found = ends and _locate(ends, watch, abs(outside.value - inside.value), hold,
                                  1.0 - outside.pieces / inside.pieces)
         if found is None:
             return
@@ -145,12 +152,12 @@ def find_mergings(inside: Shape, outside: Shape, tolerance: float, hold: int
 
 def find_growth(inside: Shape, outside: Shape, tolerance: float, hold: int) -> Reshaping | None:
     """Find where the edge of an attractor suddenly jumps outwards, if that is between."""
-    width = abs(outside.alpha - inside.alpha)
+    width = abs(outside.value - inside.value)
     while True:
         edge = int(np.argmax(inside.grown(outside)))
         if inside.grown(outside)[edge] < JUMPS:
             return None
-        if abs(outside.alpha - inside.alpha) < max(tolerance, WITHIN * width):
+        if abs(outside.value - inside.value) < max(tolerance, WITHIN * width):
             break
         middle = _between(inside, outside)
         if middle is None:
@@ -217,7 +224,7 @@ def _rounds(parameters: Parameters, state: FloatArray) -> Iterator[RecordArray]:
 
 def _between(inside: Shape, outside: Shape) -> Shape | None:
     for share in SHARES:
-        found = shape_at(_at(inside, inside.alpha + share * (outside.alpha - inside.alpha)),
+        found = shape_at(inside.path, inside.value + share * (outside.value - inside.value),
                          inside.state)
         if found is not None:
             return found
@@ -226,23 +233,23 @@ def _between(inside: Shape, outside: Shape) -> Shape | None:
 
 def _narrow(inside: Shape, outside: Shape, watch: Watch, tolerance: float, hold: int
             ) -> tuple[Shape, float] | None:
-    # The last alpha at which nothing was seen, and the step to where something was; None where
+    # The last place at which nothing was seen, and the step to where something was; None where
     # windows of periodic orbits hide it.
-    low, high = inside.alpha, outside.alpha
+    low, high = inside.value, outside.value
     while abs(high - low) > tolerance:
         for share in SHARES:
-            alpha = low + share * (high - low)
+            value = low + share * (high - low)
             seen = list(_until_any(itertools.islice(
-                watch(_at(inside, alpha)), max(ROUNDS, -(-hold // ROUND)))))
+                watch(inside.path.at(value)), max(ROUNDS, -(-hold // ROUND)))))
             if seen:
                 break
         else:
             return None
         if seen[-1].any():
-            high = alpha
+            high = value
         else:
-            low = alpha
-    return dataclasses.replace(inside, parameters=_at(inside, low)), high - low
+            low = value
+    return dataclasses.replace(inside, value=low), high - low
 
 
 def _until_any(rounds: Iterator[Lanes]) -> Iterator[Lanes]:
@@ -262,7 +269,7 @@ def _locate(ends: tuple[Shape, float], watch: Watch, width: float, hold: int, li
         most = 2.0 * wanted * SPAN * shortest
         for nudge in NUDGES:
             escapes = rounds = 0
-            for lanes in watch(_at(inside, inside.alpha + direction * nudge * distance)):
+            for lanes in watch(inside.path.at(inside.value + direction * nudge * distance)):
                 escapes, rounds = escapes + int(np.count_nonzero(lanes)), rounds + LANES
                 if escapes >= wanted or rounds * ROUND >= most:
                     break
@@ -275,10 +282,6 @@ def _locate(ends: tuple[Shape, float], watch: Watch, width: float, hold: int, li
     high = abs(step)
     far = distance_of(rate, high, width, shortest)
     beyond, uncertainty = locate(rate, high, far, width, hold)
-    outside = shape_at(_at(inside, inside.alpha + direction * max(far, 4.0 * high)), inside.state)
+    outside = shape_at(inside.path, inside.value + direction * max(far, 4.0 * high), inside.state)
     return None if outside is None else Reshaping(
-        inside.alpha + direction * beyond, uncertainty, inside, outside)
-
-
-def _at(shape: Shape, alpha: float) -> Parameters:
-    return dataclasses.replace(shape.parameters, alpha=alpha)
+        inside.value + direction * beyond, uncertainty, inside, outside)

@@ -12,18 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Orbit diagrams: impact velocities against alpha, attractor by attractor, with the exponent."""
+"""Orbit diagrams: impact velocities along a path, attractor by attractor, with the exponent."""
 
 import dataclasses
 import functools
 import itertools
 import math
-from pathlib import Path
+import pathlib
 from typing import Final, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
+from .attractors import swept
 from .boundary import measure
 from .diagram import BOUNDARY, describe as laid_out, Diagram, in_order, KINDS, layout_of, SWEEPS
 from .work import Arrays, Study, Work, WorkOptions
@@ -35,8 +36,8 @@ from ..attractors.tracks import track
 from ..core.defaults import SEED
 from ..core.flight.lanes import make_initial_conditions
 from ..core.flight.lanes_step import LANES
-from ..core.model import Parameters
 from ..core.orbits.orbit import Orbit
+from ..core.path import Path
 from ..core.words import counted, in_columns
 from ..store.store import Store
 
@@ -45,24 +46,25 @@ MOST: Final = 0.9  # of the trajectories
 
 
 @Study
-def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0.60),
-                  plane: Plane | None = None, *, columns: int = 780, trajectories: int = 32,
-                  keep: int = 2048, hold: int = Window.hold, bins: int = 900,
-                  bin_window: tuple[float, float] = (-1.5, 1.5), seed: int = SEED,
-                  sweeps: tuple[str, ...] = SWEEPS, **options: Unpack[WorkOptions]) -> Store:
+def orbit_diagram(path: Path, plane: Plane | None = None, *, columns: int = 780,
+                  trajectories: int = 32, keep: int = 2048, hold: int = Window.hold,
+                  bins: int = 900, bin_window: tuple[float, float] = (-1.5, 1.5),
+                  seed: int = SEED, sweeps: tuple[str, ...] = SWEEPS,
+                  **options: Unpack[WorkOptions]) -> Store:
     """
-    Count impact velocities against alpha, attractor by attractor, with the largest exponent.
+    Count impact velocities along a path, attractor by attractor, with the largest exponent.
 
-    The dataset has counts, key, share, kind, period and exponent over sweep, alpha and attractor.
+    The dataset has counts, key, share, kind, period and exponent over sweep, attractor and the
+    parameter that varies, or `path` from 0 to 1 where several do.
 
     Parameters
     ----------
-    parameters, alphas
-        The model, and the window of its amplitude [1].
+    path : Path
+        A window of one parameter, or the straight path between two models.
     plane, seed
         The window from which initial conditions are drawn, and their seed.
     columns, trajectories : int
-        Amplitudes, and trajectories at each.
+        Places on the path, and trajectories at each.
     keep : int
         Impacts counted of each trajectory.
     hold : int
@@ -71,13 +73,12 @@ def orbit_diagram(parameters: Parameters, alphas: tuple[float, float] = (0.47, 0
     bins, bin_window
         Bins of the velocity, and their window [1].
     sweeps : tuple of str
-        Of 'random' (initial conditions drawn at each alpha), 'up' and 'down' (followed).
+        Of 'random' (initial conditions drawn in each column), 'up' and 'down' (followed).
 
     """
     return compute(Diagram(
-        parameters, alphas, columns, plane or Plane(), trajectories, seed,
-        Window(keep, *bin_window, bins, hold),
-        in_order(sweeps)), Work(**options))
+        path, columns, plane or Plane(), trajectories, seed,
+        Window(keep, *bin_window, bins, hold), in_order(sweeps)), Work(**options))
 
 
 def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
@@ -85,7 +86,7 @@ def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
     fill = functools.partial(fill_tile, diagram, store.path)
 
     def columns(tile: int) -> int:
-        region = store.tiles[tile]['alpha']
+        region = store.tiles[tile][diagram.path.name]
         return int(region.stop - region.start)
 
     with work.pending(name, store, columns) as (pending, finished):
@@ -95,15 +96,16 @@ def compute(diagram: Diagram, work: Work, name: str = NAME) -> Store:
         # A tile that is followed begins where its neighbour ends: one of each sweep at a time.
         for tiles in itertools.zip_longest(up, reversed(down)):
             work.run(fill, [tile for tile in tiles if tile is not None], finished)
-    write_attractors(store)
+    write_attractors(store, diagram.path.name)
     return store
 
 
-def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
+def fill_tile(diagram: Diagram, output: pathlib.Path, tile: int) -> int:
     """Compute a tile of the store at `output`; return the impacts made."""
     store = Store(output)
     region = store.tiles[tile]
-    columns = range(region['alpha'].start, region['alpha'].stop)
+    part = region[diagram.path.name]
+    columns = range(part.start, part.stop)
     sweep = _sweep(diagram, store, tile)
     ends = np.full((len(columns), LANES, len(STATE)), math.nan)
     found: dict[int, list[Branch]] = {}
@@ -132,39 +134,40 @@ def fill_tile(diagram: Diagram, output: Path, tile: int) -> int:
     return sum(len(one.states) for c in columns for one in found[c]) * diagram.window.keep
 
 
-def write_attractors(store: Store) -> None:
-    """Match attractors from one alpha to the next, and write which is which."""
+def write_attractors(store: Store, axis: str) -> None:
+    """Match attractors from one column to the next, and write which is which."""
     kinds = store.read_all('kind')
     numbers = track(store.read_all('key'), store.read_all('point'),
                     kinds == KINDS.index(Kind.CHAOTIC.value),
                     (kinds >= 0) & (kinds != KINDS.index(Kind.UNSETTLED.value)),
                     store.read_all('letter'))
     store.write_table({
-        'attractor': (('sweep', 'alpha', 'slot'), numbers.astype(np.int32), named(
-            'number of the attractor, matched from alpha to alpha; -1 none', None))})
+        'attractor': (('sweep', axis, 'slot'), numbers.astype(np.int32), named(
+            f'number of the attractor, matched from {axis} to {axis}; -1 none', None))})
 
 
 def describe(dataset: Arrays) -> str:
     """List the attractors of a diagram, numbered as in the dataset and in the picture."""
-    numbers, alphas, keys, letters = (
-        dataset[name].values for name in ('attractor', 'alpha', 'key', 'letter'))
+    axis = swept(dataset.attrs)
+    numbers, places_on, keys, letters = (
+        dataset[name].values for name in ('attractor', axis, 'key', 'letter'))
     rows = []
     for label in np.unique(numbers[numbers >= 0]):
         _, places, _ = np.nonzero(numbers == label)
-        seen = alphas[np.unique(places)]
+        seen = places_on[np.unique(places)]
         rows.append([f'{max(letters[numbers == label])} {label}', f'{len(seen):,}',
                      f'{seen[0]:.6f}', f'{seen[-1]:.6f}',
                      str(keys[numbers == label][np.argmin(places)])])
     largest = np.where(numbers >= 0, dataset['share'].values, 0.0)[0].max(axis=1)
     lines = [in_columns(
-        [' attractor', ' alphas', ' from [1]', ' to [1]', 'key at the first'], rows),
+        [' attractor', f' {axis}s', ' from [1]', ' to [1]', 'key at the first'], rows),
         f'one attractor has {MOST:.0%} of the trajectories or more at '
-        f'{np.count_nonzero(largest >= MOST):,} of {counted(len(alphas), "alpha")}']
+        f'{np.count_nonzero(largest >= MOST):,} of {counted(len(places_on), axis)}']
     unsettled = np.where(dataset['kind'].values == KINDS.index(Kind.UNSETTLED.value),
                          dataset['share'].values, 0.0).sum(axis=2).max(axis=0)
     if np.any(unsettled):
         lines.append(f'unsettled after {counted(dataset.attrs["hold"], "impact")}: at '
-                     f'{np.count_nonzero(unsettled):,} of {counted(len(alphas), "alpha")}, '
+                     f'{np.count_nonzero(unsettled):,} of {counted(len(places_on), axis)}, '
                      f'at most {np.max(unsettled):.1%} of the trajectories')
     return '\n'.join(lines)
 

@@ -39,6 +39,7 @@ from ..core.flight.simulation import Simulation
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import RecordArray, UNSETTLED
 from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite, State, Wall
+from ..core.path import Path
 from ..core.words import in_columns
 from ..store.store import Store
 
@@ -56,7 +57,7 @@ BETWEEN: Final = 10.0 + 0.5 * (math.sqrt(5.0) - 1.0)
 def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = BASINS_CAP,
               tolerance: float = TOLERANCE, initial_conditions: int = 10_000, seed: int = SEED,
               hold: int = HOLD, reach: float = REACH, to: float | None = None,
-              erosion: tuple[float, float] | None = None, columns: int = 41,
+              erosion: Path | None = None, columns: int = 41,
               trajectories: int = 2000, omega: float | None = None, tile: int | None = None,
               **options: Unpack[WorkOptions]) -> Store:
     """
@@ -74,10 +75,10 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         The largest kick that is tried [1].
     to : float, optional
         An amplitude to which alpha jumps at a random moment: where trajectories go then.
-    erosion : tuple of float, optional
-        Window of alpha, in which shares and smallest kicks are followed.
+    erosion : Path, optional
+        Path through the model, on which shares and smallest kicks are followed.
     columns, trajectories : int
-        Amplitudes of that window, and random initial conditions at each.
+        Places on that path, and random initial conditions at each.
     omega : float, optional
         Angular frequency of the drive [rad/s]: times are given in seconds, too.
 
@@ -89,11 +90,11 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     if to is not None:
         asked['to'] = require_finite('to', to, 0.0, ALPHA_MAXIMUM)
     if erosion is not None:
-        attractors.require_window(erosion)
-        if not erosion[0] <= parameters.alpha <= erosion[1]:
-            raise ValueError(f'alpha {parameters.alpha:g} is not in the window of erosion '
-                             f'{erosion[0]:g} to {erosion[1]:g}; widen it')
-        asked |= {'erosion_window': list(erosion), 'columns': columns,
+        (low, high), value = erosion.ends, erosion.of(parameters)
+        if not (low <= value <= high and erosion.meets(parameters)):
+            raise ValueError(f'{erosion.name} {value:g} is not in the window of erosion {low:g} '
+                             f'to {high:g}; widen it')
+        asked |= {**attractors.path_attributes('erosion_window', erosion), 'columns': columns,
                   'trajectories': trajectories}
     work, plane = Work(**options), plane or Plane(phases=200, velocities=200, kind=SECTION)
     store, catalogue = basins.compute_basins(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The alpha of a crisis, where an unstable manifold first touches the stable one of a saddle."""
+"""The place of a crisis, where an unstable manifold first touches the stable one of a saddle."""
 
 from collections.abc import Callable, Iterator
 import dataclasses
@@ -41,15 +41,18 @@ from ..core.orbits.manifolds import (
     SEED_DISTANCE,
 )
 from ..core.orbits.orbit import close_orbit, Orbit
+from ..core.path import Path
 from ..core.words import counted
 
-# The distance is taken to be smooth in alpha where it is below this [1].
+# The distance is taken to be smooth along the path where it is below this [1].
 SMOOTH: Final = 0.2 * ACROSS / 25.0
 # Each step towards the root is shorter than the last at least by this factor.
 CONVERGES: Final = 0.7
-# Where the distance jumps, the place is found by bisection to this [1].
+# Where the distance jumps, the place is found by bisection to this; nor is it better known than
+# that of any tangency [1]. All in the parameters.
 JUMP: Final = 1e-9
-# How far from its alpha an orbit is followed for its birth [1].
+KNOWN: Final = 1e-10
+# How far an orbit is followed for its birth [1].
 BEYOND: Final = 0.3
 # Searches of the manifold with shifted samples at the end.
 SHIFTS: Final = 5
@@ -84,26 +87,28 @@ class Contact:
 
     source: Saddle  # in the attractor, or the same as the target
     target: Saddle  # with which the attractor collides
+    path: Path  # along which both are carried
     # Where pieces merge, what crosses comes from the piece at one side of the target, after whole
     # periods.
     merges: bool = False
     seed: float = SEED_DISTANCE  # where the unstable manifold begins [1]
 
-    def at(self, alpha: float) -> 'Contact':
-        """Carry both to another alpha; ValueError where one ends on the way."""
-        target = saddle_of(carry(self.target.orbit, alpha), self.target.unstable)
-        orbit = target.orbit if self.is_homoclinic else carry(self.source.orbit, alpha)
+    def at(self, value: float) -> 'Contact':
+        """Carry both to another place; ValueError where one ends on the way."""
+        target = saddle_of(carry(self.target.orbit, self.path, value), self.target.unstable)
+        orbit = target.orbit if self.is_homoclinic else carry(
+            self.source.orbit, self.path, value)
         return dataclasses.replace(self, source=saddle_of(orbit, self.source.unstable),
                                    target=target)
 
-    def edge(self, alpha: float, sides: tuple[bool, ...] = (False, True), **how: Any
+    def edge(self, value: float, sides: tuple[bool, ...] = (False, True), **how: Any
              ) -> tuple[Edge, bool]:
         """
-        Find the edge at another alpha, and whether it is that on the other side of the target.
+        Find the edge at another place, and whether it is that on the other side of the target.
 
         They cross where there are returns on both sides, so the lesser edge counts.
         """
-        here, impacts = self.at(alpha), FOLLOWED
+        here, impacts = self.at(value), FOLLOWED
         if self.merges:
             sides, impacts = (False,), max(FOLLOWED, PERIODS * self.target.impacts)
         return min(((find_edge(here.source, here.target.other_side if side else here.target,
@@ -112,7 +117,7 @@ class Contact:
                     for side in sides), key=lambda found: found[0].distance)
 
     def begins(self, inside: float, outside: float) -> bool:
-        """Whether the manifolds cross at one alpha and not at another."""
+        """Whether the manifolds cross at one place and not at another."""
         return (self.edge(outside, **SCREEN)[0].distance > 0.0
                 > self.edge(inside, **SCREEN)[0].distance)
 
@@ -130,35 +135,34 @@ class Contact:
 
 @dataclasses.dataclass(frozen=True)
 class Tangency:
-    """Where the manifolds touch, and how well its alpha is located [1]."""
+    """Where the manifolds touch, and how well it is located [1]."""
 
-    alpha: float
+    value: float  # coordinate of the path [1]
     uncertainty: float
     contact: Contact
     edge: Edge  # nearly there
 
 
-def carry(orbit: Orbit, alpha: float) -> Orbit:
-    """Follow an orbit to another alpha, without a fold between; ValueError where it ends."""
-    now = orbit.parameters.alpha
-    if alpha == now:
+def carry(orbit: Orbit, path: Path, value: float) -> Orbit:
+    """Follow an orbit along a path, without a fold between; ValueError where it ends."""
+    now = path.of(orbit.parameters)
+    if value == now:
         return orbit
-    branch = follow(orbit, math.copysign(1.0, alpha - now), min(now, alpha), max(now, alpha))
-    for near in sorted(branch.orbits, key=lambda one: abs(one.parameters.alpha - alpha)):
-        carried = close_orbit(near.walls, near.points,
-                              dataclasses.replace(orbit.parameters, alpha=alpha))
+    branch = follow(orbit, path, math.copysign(1.0, value - now), min(now, value), max(now, value))
+    for near in sorted(branch.orbits, key=lambda one: abs(path.of(one.parameters) - value)):
+        carried = close_orbit(near.walls, near.points, path.at(value))
         if carried is not None and carried.impacts == orbit.impacts:
             return carried
         break
     raise ValueError(f'the orbit of {counted(orbit.impacts, "impact")} cannot be followed to '
-                     f'alpha = {alpha:g}; give a narrower bracket')
+                     f'{path.name} = {value:g}; give a narrower bracket')
 
 
-def birth_of(orbit: Orbit) -> Turn | None:
+def birth_of(orbit: Orbit, path: Path) -> Turn | None:
     """Find where an orbit was born, or branched off; None where its branch does not show it."""
-    alpha = orbit.parameters.alpha
+    value, beyond = path.of(orbit.parameters), BEYOND * path.unit
     for direction in (-1.0, 1.0):
-        branch = follow(orbit, direction, max(0.0, alpha - BEYOND), alpha + BEYOND,
+        branch = follow(orbit, path, direction, value - beyond, value + beyond,
                         to_first_turn=True)
         for turn in branch.turns:
             if turn.change in (Change.FOLD, Change.PITCHFORK):
@@ -170,19 +174,19 @@ class Seen(Protocol):
     """A crisis of a chaotic attractor, as its trajectories show it."""
 
     @property
-    def parameters(self) -> Parameters: ...
+    def states(self) -> RecordArray: ...  # on the attractor, before it
 
     @property
-    def states(self) -> RecordArray: ...  # on the attractor at these parameters, before it
+    def path(self) -> Path: ...
 
     @property
-    def alpha(self) -> float: ...
+    def value(self) -> float: ...
 
     @property
     def uncertainty(self) -> float: ...
 
     @property
-    def direction(self) -> float: ...  # in which alpha goes beyond it, +1 or -1
+    def direction(self) -> float: ...  # in which it goes on beyond, +1 or -1
 
 
 def touch(seen: Seen, searched: Callable[[int], None] = lambda count: None,
@@ -194,45 +198,45 @@ def touch(seen: Seen, searched: Callable[[int], None] = lambda count: None,
     tangency disagrees with what was seen, other manifolds touch; the next one is tried.
     """
     for aside in ASIDE:
-        inside, outside = (seen.alpha + side * seen.direction * aside * seen.uncertainty
+        inside, outside = (seen.value + side * seen.direction * aside * seen.uncertainty
                            for side in (-1.0, 1.0))
-        at_doubled = merging and merging_at(merging, inside, outside)
+        at_doubled = merging and merging_at(merging, seen.path, inside, outside)
         for contact in itertools.islice(itertools.chain(
                 [at_doubled] if at_doubled else [],
-                find_contacts(seen.parameters, seen.states, inside, outside)), CONTACTS):
+                find_contacts(seen.path, seen.states, inside, outside)), CONTACTS):
             found = find_tangency(contact, inside, outside, searched)
-            if (found.uncertainty <= WORTH * seen.uncertainty and abs(found.alpha - seen.alpha)
+            if (found.uncertainty <= WORTH * seen.uncertainty and abs(found.value - seen.value)
                     <= AGREES * (seen.uncertainty + found.uncertainty)):
                 return found
-    raise ValueError(f'no manifold touches that of a saddle near alpha = {seen.alpha:.7f}, where '
-                     'trajectories begin to escape; give another bracket')
+    raise ValueError(f'no manifold touches that of a saddle near {seen.path.name} = '
+                     f'{seen.value:.7f}, where trajectories begin to escape; give another bracket')
 
 
-def merging_at(orbit: Orbit, inside: float, outside: float) -> Contact | None:
+def merging_at(orbit: Orbit, path: Path, inside: float, outside: float) -> Contact | None:
     """
-    Return how pieces merge at an orbit that has doubled, if they do so between two alphas.
+    Return how pieces merge at an orbit that has doubled, if they do so between two places.
 
     They lie on both sides of it, and merge where its unstable manifold, on one side, first crosses
     the stable one to the other side.
     """
     try:
-        target = saddle_of(carry(orbit, inside))
-        contact = Contact(target, target.other_side, True, SEED_OF_PIECES)
+        target = saddle_of(carry(orbit, path, inside))
+        contact = Contact(target, target.other_side, path, True, SEED_OF_PIECES)
         return contact if contact.begins(inside, outside) else None
     except ValueError:
         return None
 
 
-def find_contacts(parameters: Parameters, states: RecordArray, inside: float, outside: float
+def find_contacts(path: Path, states: RecordArray, inside: float, outside: float
                   ) -> Iterator[Contact]:
     """
-    Find with which orbits an attractor collides between an alpha where it is and one beyond.
+    Find with which orbits an attractor collides between a place where it is and one beyond.
 
     Candidates are the saddles that trajectories visit beyond. A contact is where a manifold begins
     to cross that of one of them. First come saddles that cross themselves where the attractor
     crosses them, then those that only the attractor crosses, then those that only they cross.
     """
-    within, beyond = (dataclasses.replace(parameters, alpha=alpha) for alpha in (inside, outside))
+    within, beyond = path.at(inside), path.at(outside)
     before = enough_of(within, _impacts(within, states))
     named = shortest_orbit(within, before)
     if named is None:
@@ -244,12 +248,12 @@ def find_contacts(parameters: Parameters, states: RecordArray, inside: float, ou
     for orbit in sorted(_saddles(beyond, _impacts(beyond, states)),
                         key=lambda one: least_share(before, one) >= VISITED)[:TRIED]:
         try:
-            meets = saddle_of(carry(orbit, inside))
-            through = [one for one in (Contact(source, meets) for source in _sides(leaves))
+            meets = saddle_of(carry(orbit, path, inside))
+            through = [one for one in (Contact(source, meets, path) for source in _sides(leaves))
                        if one.begins(inside, outside)]
             # On the boundary lies the saddle whose own manifold leads into the attractor; what
             # has passed it crosses the manifolds of others, too.
-            own = _own(meets, inside, outside) if through else None
+            own = _own(meets, path, inside, outside) if through else None
             if own:
                 yield own
         except ValueError:
@@ -258,34 +262,36 @@ def find_contacts(parameters: Parameters, states: RecordArray, inside: float, ou
         alone += [meets] if not through else []
     yield from others
     for meets in alone:
-        own = _own(meets, inside, outside)
+        own = _own(meets, path, inside, outside)
         if own:
             yield own
 
 
-def _own(saddle: Saddle, inside: float, outside: float) -> Contact | None:
+def _own(saddle: Saddle, path: Path, inside: float, outside: float) -> Contact | None:
     # How the manifolds of a saddle begin to cross each other.
     try:
-        return next((contact for contact in (Contact(side, saddle) for side in _sides(saddle))
-                     if contact.begins(inside, outside)), None)
+        return next((contact for side in _sides(saddle) if (
+            contact := Contact(side, saddle, path)).begins(inside, outside)), None)
     except ValueError:
         return None
 
 
-def first_touch(orbit: Orbit, low: float, high: float,
+def first_touch(orbit: Orbit, path: Path,
                 searched: Callable[[int], None] = lambda count: None) -> Tangency:
     """
-    Find the alpha between two others at which the manifolds of a saddle first touch each other.
+    Find where on a path the manifolds of a saddle first touch each other.
 
     A boundary of basins on which the saddle lies is smooth on one side of it and fractal on the
     other. ValueError where they cross at both ends or at neither.
     """
+    low, high = path.ends
     for inside, outside in ((low, high), (high, low)):
-        contact = _own(saddle_of(carry(orbit, inside)), inside, outside)
+        contact = _own(saddle_of(carry(orbit, path, inside)), path, inside, outside)
         if contact:
             return find_tangency(contact, inside, outside, searched)
     raise ValueError(f'the manifolds of the orbit {orbit.name} do not begin to cross between '
-                     f'alpha = {low:g} and {high:g}; give a window at one end of which they cross')
+                     f'{path.name} = {low:g} and {high:g}; give a window at one end of which they '
+                     'cross')
 
 
 def _sides(saddle: Saddle) -> tuple[Saddle, ...]:
@@ -309,21 +315,21 @@ def _saddles(parameters: Parameters, rows: RecordArray) -> Iterator[Orbit]:
 def find_tangency(contact: Contact, inside: float, outside: float,
                   searched: Callable[[int], None] = lambda count: None) -> Tangency:
     """
-    Find the alpha between two others at which the manifolds of a contact first touch.
+    Find where between two places the manifolds of a contact first touch.
 
     Bisection is followed by secants once the distance is smooth; a finer search at the end gives
     part of the uncertainty. Where an impact is gained or lost at the edge the distance jumps, and
     bisection alone locates it. `searched` is called with the searches of the manifold made.
     """
-    def look(alpha: float, *sides: bool, **how: Any) -> tuple[Edge, bool]:
+    def look(value: float, *sides: bool, **how: Any) -> tuple[Edge, bool]:
         searched(1)
-        return contact.edge(alpha, sides or (False, True), **{**SCREEN, **how})
+        return contact.edge(value, sides or (False, True), **{**SCREEN, **how})
 
     (below, side), (above, _) = look(inside), look(outside)
     while max(abs(below.distance), abs(above.distance)) > SMOOTH:
-        if abs(outside - inside) < JUMP:
-            alpha = 0.5 * (inside + outside)
-            return Tangency(alpha, abs(outside - inside), contact.at(alpha), above)
+        if abs(outside - inside) < JUMP * contact.path.unit:
+            value = 0.5 * (inside + outside)
+            return Tangency(value, abs(outside - inside), contact.at(value), above)
         middle = 0.5 * (inside + outside)
         edge, binding = look(middle)
         if edge.distance < 0.0:
@@ -332,19 +338,20 @@ def find_tangency(contact: Contact, inside: float, outside: float,
             outside, above = middle, edge
     roots, slope = [], (above.distance - below.distance) / (outside - inside)
     for seed in (contact.seed, 3.0 * contact.seed):
-        alpha, edge = inside, look(inside, side, seed=seed)[0]
+        value, edge = inside, look(inside, side, seed=seed)[0]
         step = outside - inside
         while True:
-            edge = look(alpha, side, near=edge.place, seed=seed, samples=FINE)[0]
+            edge = look(value, side, near=edge.place, seed=seed, samples=FINE)[0]
             # Rounding ends the approach, before that a fold of the manifold.
             if abs(edge.distance / slope) >= CONVERGES * abs(step):
                 break
             step = edge.distance / slope
-            alpha -= step
-        roots.append((alpha, edge))
-    (alpha, edge), (other, _) = roots
+            value -= step
+        roots.append((value, edge))
+    (value, edge), (other, _) = roots
     # A narrower fold that crosses earlier would show here.
-    missed = max(0.0, *(look(alpha, side, samples=FINE, offset=shift / SHIFTS)[0].distance
+    missed = max(0.0, *(look(value, side, samples=FINE, offset=shift / SHIFTS)[0].distance
                         for shift in range(SHIFTS))) / slope
-    uncertainty = max(abs(other - alpha), abs(missed), abs(edge.distance / slope), 1e-10)
-    return Tangency(alpha - missed, uncertainty, contact.at(alpha), edge)
+    uncertainty = max(abs(other - value), abs(missed), abs(edge.distance / slope),
+                      KNOWN * contact.path.unit)
+    return Tangency(value - missed, uncertainty, contact.at(value), edge)

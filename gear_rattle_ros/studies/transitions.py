@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every transition of the attractors in windows of alpha; what chaos does, by two methods."""
+"""Every transition of the attractors along paths; what chaos does, by two methods."""
 
 from collections.abc import Callable, Iterator
 import dataclasses
@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar, Unpack
 
 import numpy as np
 
-from .attractors import identity_of, require_window
+from .attractors import identity_along, swept
 from .bifurcations import DOUBLINGS, Family, Search, state_on
 from .cascades import accumulate, Accumulation
 from .continuation import BINS, require_tolerance
@@ -37,11 +37,12 @@ from ..attractors.engine import run_tiles
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
-from ..core.defaults import SEED, WINDOWS
-from ..core.model import Parameters
+from ..core.defaults import SEED
+from ..core.model import Model
 from ..core.orbits.branches import Change, Turn
 from ..core.orbits.orbit import Orbit
-from ..core.words import in_columns
+from ..core.path import Path
+from ..core.words import counted, in_columns
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
@@ -64,8 +65,8 @@ class Transition:
 
     attractor: int
     what: str  # as of an event; or accumulation, merging, growth
-    alpha: float
-    tolerance: float  # how well alpha is located [1]
+    value: float  # coordinate of the path [1]
+    tolerance: float  # how well it is located [1]
     orbit: str  # key of what changes, or on what trajectories then settle
     seen: End | Reshaping | Accumulation | None = None
     # The orbit at which pieces merge, if it doubled before; what the manifolds show.
@@ -74,9 +75,9 @@ class Transition:
 
 
 @Study
-def transitions(parameters: Parameters, windows: tuple[tuple[float, float], ...] = WINDOWS,
-                plane: Plane | None = None, *, columns: int = 131, trajectories: int = 256,
-                keep: int = 512, hold: int = 20_000, tolerance: float = 1e-7, seed: int = SEED,
+def transitions(paths: tuple[Path, ...], plane: Plane | None = None, *, columns: int = 131,
+                trajectories: int = 256, keep: int = 512, hold: int = 20_000,
+                tolerance: float = 1e-7, seed: int = SEED,
                 **options: Unpack[WorkOptions]) -> Store:
     """
     Locate every transition of the attractors: births, doublings, chaos, mergings, crises, ends.
@@ -87,43 +88,44 @@ def transitions(parameters: Parameters, windows: tuple[tuple[float, float], ...]
 
     Parameters
     ----------
-    parameters : Parameters
-        The model, whatever its alpha.
-    windows : tuple of tuple of float
-        Windows of alpha [1].
+    paths : tuple of Path
+        Windows of the same parameter, or straight paths on which the same ones vary.
     plane, columns, trajectories, keep, hold, tolerance, seed
-        As `continuation` takes them, for each window.
+        As `continuation` takes them, for each path.
 
     """
     require_tolerance(tolerance)
     plane, work = plane or Plane(), Work(**options)
     if work.cluster:
         raise ValueError('the searches run on this machine; leave out --cluster')
-    for window in windows:
-        require_window(window)
-    diagrams = [Diagram(parameters, window, columns, plane, trajectories, seed,
-                        Window(keep, bins=BINS, hold=hold), ('random',)) for window in windows]
+    alike = {tuple(None if name in each.varied else getattr(each.first, name)
+                   for name in Model._fields) for each in paths}
+    if len(alike) != 1:
+        raise ValueError(f'{counted(len(paths), "path")}: give one or more, on which the same '
+                         'parameters vary and the others have the same values')
+    diagrams = [Diagram(path, columns, plane, trajectories, seed,
+                        Window(keep, bins=BINS, hold=hold), ('random',)) for path in paths]
     store = work.begin(_layout(diagrams, tolerance))
     for number in store.pending():
         found, letters = find_transitions(diagrams[number], tolerance, hold, work)
         if len(found) > MOST:
-            raise ValueError(f'{len(found)} transitions in the window {windows[number]} are more '
-                             f'than {MOST}; give narrower ones')
-        store.write(number, _arrays(found, letters))
+            raise ValueError(f'{len(found)} transitions in the window {paths[number].ends} are '
+                             f'more than {MOST}; give narrower ones')
+        store.write(number, _arrays(found, letters, paths[number]))
         store.mark(number)
     return store
 
 
 def find_transitions(diagram: Diagram, tolerance: float, hold: int, work: Work
                      ) -> tuple[list[Transition], dict[int, str]]:
-    """Find the transitions in a window, by attractor and alpha; and letters of attractors."""
-    here = f'{NAME} in {diagram.alphas[0]:g} to {diagram.alphas[1]:g}'
+    """Find the transitions on a path, by attractor and place; and letters of attractors."""
+    here = '{} in {:g} to {:g}'.format(NAME, *diagram.path.ends)
     store = compute(diagram, Work(threads=work.threads, progress=work.progress),
                     f'{here}, columns')
     search = Closely(diagram, store, tolerance, hold)
     with work.report(f'{here}, searches for events', search.size, uneven=True) as progress:
         events = search.events(progress.add)
-    found = [Transition(e.attractor, e.what, e.alpha, e.tolerance, e.key, e.end) for e in events]
+    found = [Transition(e.attractor, e.what, e.value, e.tolerance, e.key, e.end) for e in events]
     found += search.accumulations()
 
     def each(name: str, items: list[Item], do: Callable[[Item], Found]) -> list[Found]:
@@ -142,7 +144,7 @@ def find_transitions(diagram: Diagram, tolerance: float, hold: int, work: Work
         found += some
     found = [one for one in found if not any(_same(one, other) for other in found)]
     return sorted(each('tangencies', found, _with_tangency),
-                  key=lambda one: (one.attractor, one.alpha)), search.letters
+                  key=lambda one: (one.attractor, one.value)), search.letters
 
 
 class Closely(Search):
@@ -155,7 +157,7 @@ class Closely(Search):
                         for n in np.unique(self._numbers[self._numbers >= 0]).tolist()}
 
     def accumulations(self) -> list[Transition]:
-        return [Transition(n, 'accumulation', end.alpha, end.uncertainty, chain[0].orbit.key, end)
+        return [Transition(n, 'accumulation', end.value, end.uncertainty, chain[0].orbit.key, end)
                 for n, chain, end in self._cascades_followed()]
 
     def chaos(self) -> list[tuple[int, list[tuple[float, FloatArray]]]]:
@@ -165,11 +167,11 @@ class Closely(Search):
         for n, cells, _, _ in self._runs:
             places = [(float(self._diagram.values[cell[0]]), self._states[cell]) for cell in cells]
             for number, chain, end in self._cascades_followed():
-                alpha = end.alpha + JOINED * (end.alpha - chain[EIGHT].alpha)
-                place = alpha, state_on(chain[EIGHT].orbit)
-                if number == n and chain[0].alpha < alpha and 0.0 < places[0][0] - alpha < width:
+                value = end.value + JOINED * (end.value - chain[EIGHT].value)
+                place = value, state_on(chain[EIGHT].orbit)
+                if number == n and chain[0].value < value and 0.0 < places[0][0] - value < width:
                     places.insert(0, place)
-                if number == n and chain[0].alpha > alpha and 0.0 < alpha - places[-1][0] < width:
+                if number == n and chain[0].value > value and 0.0 < value - places[-1][0] < width:
                     places.append(place)
             if len(places) > 1:
                 runs.append((n, places))
@@ -177,16 +179,15 @@ class Closely(Search):
 
     def steps(self, run: tuple[int, list[tuple[float, FloatArray]]]
               ) -> list[tuple[int, Shape, Shape]]:
-        """Look at an attractor at neighbouring amplitudes."""
+        """Look at an attractor at neighbouring places."""
         n, places = run
-        shapes = [shape_at(dataclasses.replace(self._diagram.parameters, alpha=alpha), state)
-                  for alpha, state in places]
+        shapes = [shape_at(self._path, value, state) for value, state in places]
         return [(n, a, b) for a, b in itertools.pairwise(shapes) if a and b]
 
     def reshapings(self, step: tuple[int, Shape, Shape]) -> list[Transition]:
-        """Find where an attractor changes its shape between two amplitudes."""
+        """Find where an attractor changes its shape between two places."""
         n, *ends = step
-        return [Transition(n, what, one.alpha, one.uncertainty, '', one, self._doubled(n, one))
+        return [Transition(n, what, one.value, one.uncertainty, '', one, self._doubled(n, one))
                 for inside, outside in (ends, ends[::-1])
                 for what, found in (
                     ('merging', find_mergings(inside, outside, self._tolerance, self._hold)),
@@ -200,8 +201,8 @@ class Closely(Search):
                    for turn in family.turns if turn.change is Change.DOUBLING
                    and np.count_nonzero(turn.orbit.walls == turn.orbit.walls.min())
                    == merging.outside.pieces]
-        return min(doubled, key=lambda one: abs(one.parameters.alpha - merging.alpha),
-                   default=None)
+        return min(doubled, default=None, key=lambda one: abs(
+            self._path.of(one.parameters) - merging.value))
 
     def _cascades_followed(self) -> Iterator[tuple[int, list[Turn], Accumulation]]:
         for family in self._families:
@@ -210,7 +211,7 @@ class Closely(Search):
                 continue
             for turn in family.turns:
                 chain = list(self._chain(family, turn))
-                end = accumulate([one.alpha for one in chain],
+                end = accumulate([one.value for one in chain],
                                  [one.uncertainty for one in chain])
                 if end:
                     yield family.number, chain, end
@@ -219,23 +220,23 @@ class Closely(Search):
         # Doublings, each of the orbit that was born at the one before.
         while turn.change is Change.DOUBLING:
             yield turn
-            born = [(min(abs(one.parameters.alpha - turn.alpha) for one in child.orbits), child)
+            born = [(min(abs(child.value_of(one) - turn.value) for one in child.orbits), child)
                     for child in self._families if child.parent is family
                     and child.orbits[0].impacts == 2 * turn.orbit.impacts]
             if not born:
                 return
             distance, family = min(born, key=lambda pair: pair[0])
             if not family.turns or distance > min(
-                    abs(turn.alpha - one.alpha) for one in family.turns):
+                    abs(turn.value - one.value) for one in family.turns):
                 return
-            turn = max(family.turns, key=lambda one: abs(one.alpha - turn.alpha))
+            turn = max(family.turns, key=lambda one: abs(one.value - turn.value))
 
 
 def _same(one: Transition, other: Transition) -> bool:
     # An interior crisis at which the attractor merges or grows, seen by what it does.
     return (one.what == 'interior crisis' and other.what in ('merging', 'growth')
             and one.attractor == other.attractor
-            and abs(one.alpha - other.alpha) <= one.tolerance + other.tolerance)
+            and abs(one.value - other.value) <= one.tolerance + other.tolerance)
 
 
 def _with_tangency(one: Transition) -> Transition:
@@ -249,55 +250,57 @@ def _with_tangency(one: Transition) -> Transition:
 
 def _layout(diagrams: list[Diagram], tolerance: float) -> Layout:
     first = diagrams[0]
-    identity = identity_of(
-        NAME, first.parameters, first.plane, columns=first.columns,
-        alpha_windows=[edge for each in diagrams for edge in each.alphas],
+    identity = identity_along(
+        NAME, [each.path for each in diagrams], first.plane, '_windows', columns=first.columns,
         trajectories=first.trajectories, seed=first.seed,
         initial_velocity_window=list(first.plane.velocity), hold=first.window.hold,
         impacts_counted=first.window.keep, located_within=tolerance)
-    del identity['alpha'], identity['velocity_window']
+    del identity['velocity_window']
     return Layout(
         (Axis('window', np.arange(len(diagrams)), named('number of the window', None), 1),
-         Axis('transition', np.arange(MOST), named('by attractor and alpha', None)),
+         Axis('transition', np.arange(MOST), named(f'by attractor and {first.path.name}', None)),
          Axis('interval', np.arange(DOUBLINGS), named('of successive doublings', None))),
         tuple(Variable(name, ('window', 'transition', *others), dtype, named(words, units))
-              for name, dtype, words, units, *others in COLUMNS), identity)
+              for name, dtype, words, units, *others in columns_of(first.path.name)), identity)
 
 
-COLUMNS: Final = (
-    ('attractor', '<i4', 'number of the attractor in its window, -1 for no transition', None),
-    ('letter', '<U1', 'its letter, empty for none', None),
-    ('kind', '<U15', 'what happens', None),
-    ('alpha', '<f8', 'where', '1'),
-    ('alpha_error', '<f8', 'how well it is located', '1'),
-    ('orbit', KEY, 'what changes, or on what trajectories then settle', None),
-    ('pieces', '<i4', 'pieces before a merging', '1'),
-    ('pieces_left', '<i4', 'pieces after it', '1'),
-    ('tangency_alpha', '<f8', 'where the manifolds touch, nan where none is found', '1'),
-    ('tangency_error', '<f8', 'how well it is located', '1'),
-    ('saddle', KEY, 'orbit that the attractor collides with', None),
-    ('saddle_born', '<f8', 'alpha of the fold in which it was born, or nan', '1'),
-    ('ratio', '<f8', 'ratio of successive intervals of a cascade, nan for fewer', '1', 'interval'),
-)
+def columns_of(axis: str) -> tuple[tuple[Any, ...], ...]:
+    """Return name, type, words, unit and further dimensions of each array of the dataset."""
+    return (
+        ('attractor', '<i4', 'number of the attractor in its window, -1 for no transition', None),
+        ('letter', '<U1', 'its letter, empty for none', None),
+        ('kind', '<U15', 'what happens', None),
+        (axis, '<f8', 'where', '1'),
+        (f'{axis}_error', '<f8', 'how well it is located', '1'),
+        ('orbit', KEY, 'what changes, or on what trajectories then settle', None),
+        ('pieces', '<i4', 'pieces before a merging', '1'),
+        ('pieces_left', '<i4', 'pieces after it', '1'),
+        (f'tangency_{axis}', '<f8', 'where the manifolds touch, nan where none is found', '1'),
+        ('tangency_error', '<f8', 'how well it is located', '1'),
+        ('saddle', KEY, 'orbit that the attractor collides with', None),
+        ('saddle_born', '<f8', f'{axis} of the fold in which it was born, or nan', '1'),
+        ('ratio', '<f8', 'ratio of successive intervals of a cascade, nan for fewer', '1',
+         'interval'))
 
 
-def _arrays(found: list[Transition], letters: dict[int, str]) -> dict[str, Any]:
+def _arrays(found: list[Transition], letters: dict[int, str], path: Path) -> dict[str, Any]:
+    axis = path.name
     values: dict[str, Any] = {
         name: np.full((1, MOST, *(DOUBLINGS for _ in others)),
                       {'f': math.nan, 'i': -1, 'U': ''}[dtype[1]], dtype)
-        for name, dtype, _, _, *others in COLUMNS}
+        for name, dtype, _, _, *others in columns_of(axis)}
     for k, one in enumerate(found):
         row: dict[str, Any] = {
             'attractor': one.attractor, 'letter': letters.get(one.attractor, ''),
-            'kind': one.what, 'alpha': one.alpha, 'alpha_error': one.tolerance, 'orbit': one.orbit}
+            'kind': one.what, axis: one.value, f'{axis}_error': one.tolerance, 'orbit': one.orbit}
         if isinstance(one.seen, Reshaping):
             row |= {'pieces': one.seen.inside.pieces, 'pieces_left': one.seen.outside.pieces}
         if one.tangency:
             saddle = one.tangency.contact.target.orbit
-            birth = birth_of(saddle)
-            row |= {'tangency_alpha': one.tangency.alpha,
+            birth = birth_of(saddle, path)
+            row |= {f'tangency_{axis}': one.tangency.value,
                     'tangency_error': one.tangency.uncertainty, 'saddle': saddle.canonical().name,
-                    'saddle_born': birth.alpha if birth and birth.change is Change.FOLD
+                    'saddle_born': birth.value if birth and birth.change is Change.FOLD
                     else math.nan}
         for name, value in row.items():
             values[name][0, k] = value
@@ -308,18 +311,21 @@ def _arrays(found: list[Transition], letters: dict[int, str]) -> dict[str, Any]:
 
 def describe(dataset: Arrays) -> str:
     """List the transitions, window by window."""
-    parts = []
-    for number, (low, high) in enumerate(np.reshape(dataset.attrs['alpha_windows'], (-1, 2))):
-        columns = {name: dataset[name].values[number] for name, *_ in COLUMNS}
-        rows = [_row({name: values[k] for name, values in columns.items()})
+    parts, axis = [], swept(dataset.attrs)
+    windows = {name: np.reshape(dataset.attrs[f'{name}_windows'], (-1, 2))
+               for name in Model._fields if name not in dataset.attrs}
+    for number in range(len(dataset['window'].values)):
+        columns = {name: dataset[name].values[number] for name, *_ in columns_of(axis)}
+        rows = [_row({name: values[k] for name, values in columns.items()}, axis)
                 for k in np.flatnonzero(columns['attractor'] >= 0)]
-        parts.append(f'alpha from {low:g} to {high:g}\n' + in_columns(
-            [' attractor', 'transition', ' alpha [1]', ' tangency of manifolds at', 'orbit'],
+        parts.append(', '.join('{} from {:g} to {:g}'.format(name, *each[number])
+                               for name, each in windows.items()) + '\n' + in_columns(
+            [' attractor', 'transition', f' {axis} [1]', ' tangency of manifolds at', 'orbit'],
             rows))
     return '\n\n'.join(parts)
 
 
-def _row(one: dict[str, Any]) -> list[str]:
+def _row(one: dict[str, Any], axis: str) -> list[str]:
     what, about = str(one['kind']), str(one['orbit'])
     if what == 'accumulation':
         what, ratios = 'chaos begins', [f'{x:.3f}' for x in one['ratio'] if math.isfinite(x)]
@@ -330,13 +336,13 @@ def _row(one: dict[str, Any]) -> list[str]:
     if one['saddle']:
         born = f', born at {one["saddle_born"]:.7f}' if math.isfinite(one['saddle_born']) else ''
         about = f'collides with {one["saddle"]}{born}' + (f'; then {about}' if about else '')
-        touched = _place(one['tangency_alpha'], one['tangency_error'])
+        touched = _place(one[f'tangency_{axis}'], one['tangency_error'])
     elif one['kind'] in OF_CHAOS:
         touched = 'none found'
         about = about and f'then {about}'
     return [f'{one["letter"]} {one["attractor"]}'.strip(), what,
-            _place(one['alpha'], one['alpha_error']), touched, about]
+            _place(one[axis], one[f'{axis}_error']), touched, about]
 
 
-def _place(alpha: float, error: float) -> str:
-    return f'{alpha:.{max(0, 1 - math.floor(math.log10(error)))}f} +- {error:.1e}'
+def _place(value: float, error: float) -> str:
+    return f'{value:.{max(0, 1 - math.floor(math.log10(error)))}f} +- {error:.1e}'

@@ -104,10 +104,6 @@ def test_options_and_functions_have_the_same_defaults(name):
     given = vars(parser.parse_args([]))
     study = getattr(importlib.import_module(f'gear_rattle_ros.studies.{name}'), name)
     takes = inspect.signature(study).parameters
-    if 'alphas' in takes:
-        given['alphas'] = given['alpha']
-    if 'windows' in takes:
-        given['windows'] = given['alpha']
     shared = set(takes) & set(given) - {'plane'}
     assert shared
     assert {key: given[key] for key in shared} == {key: takes[key].default for key in shared}
@@ -138,6 +134,7 @@ def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
     ('stability', '--plane section --displacement 0', 'stability-0.48'),
     ('orbit_diagram', '--sweep up down', 'orbit_diagram-sweeps-up_down'),
     ('orbit_diagram', '--alpha 1 1.75', 'orbit_diagram-alpha-1_1.75'),
+    ('orbit_diagram', '--beta 0.05 0.2 --alpha 0.5', 'orbit_diagram-0.5-beta-0.05_0.2'),
     ('transitions', '--alpha 0.5 0.6', 'transitions-alpha-0.5_0.6'),
     ('lifetimes', '--grey', 'lifetimes-1.244'),
     ('section', '--compare /some/other.zarr', 'section-1.23-compare-other'),

@@ -57,7 +57,8 @@ def law() -> xarray.Dataset:
     rates = np.array([0.0, 1e-4, 2e-4, 6e-4])
     numbers = {'tangency_alpha': 1.2363, 'tangency_exponent': 0.5, 'law_alpha_c': 1.23629,
                'law_alpha_c_error': 1e-6, 'law_scale': 0.02, 'law_exponent': 0.5,
-               'law_exponent_error': 0.05, 'paper_alpha': 1.2361}
+               'law_exponent_error': 0.05, 'paper_alpha': 1.2361, 'beta': 0.1, 'gamma': 0.1,
+               'restitution': 0.9}
     return xarray.Dataset({'escape_rate': ('alpha', rates),
                            'escape_rate_error': ('alpha', 0.1 * rates)},
                           coords={'alpha': alphas}, attrs={

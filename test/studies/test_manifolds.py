@@ -19,7 +19,7 @@ import shlex
 import numpy as np
 import pytest
 
-from gear_rattle_ros import manifolds, Parameters, Plane
+from gear_rattle_ros import manifolds, Parameters, Path, Plane
 from gear_rattle_ros.cli.manifolds import main
 from gear_rattle_ros.core.orbits.cells import first_crossing
 from gear_rattle_ros.core.orbits.curves import grow, impact_map, segments_of
@@ -87,10 +87,11 @@ def test_a_basin_cell_is_drawn_at_both_ends_of_the_phase(beside_b):
 def test_first_touch_is_where_the_curves_begin_to_cross():
     """The signed gap and the curves themselves, which know nothing of it, agree to 1e-5."""
     orbit = find_saddle(Parameters(0.445), point=(0, 0.3603, 0.3718))
-    touch = first_touch(orbit, 0.447, 0.455)
-    assert touch.alpha == pytest.approx(0.454425205, abs=2e-9)
+    path = Path.over(alpha=(0.447, 0.455))
+    touch = first_touch(orbit, path)
+    assert touch.value == pytest.approx(0.454425205, abs=2e-9)
     for aside in (-1e-5, 1e-5):
-        saddle = saddle_of(carry(orbit, touch.alpha + aside))
+        saddle = saddle_of(carry(orbit, path, touch.value + aside))
         unstable, stable = (grow(segment, impact_map(
             saddle.orbit.parameters.model, backwards=backwards, fastest=6.0), impacts=impacts)
             for name, segment, backwards, impacts in (
@@ -103,7 +104,7 @@ def test_a_window_without_a_first_touch_is_refused():
     """Fractal at both ends."""
     orbit = find_saddle(P, key=B_AND_PARTNER[1])
     with pytest.raises(ValueError, match='do not begin to cross between alpha = 0.479 and 0.48'):
-        first_touch(orbit, 0.479, 0.48)
+        first_touch(orbit, Path.over(alpha=(0.479, 0.48)))
 
 
 @pytest.mark.parametrize(('options', 'words'), [

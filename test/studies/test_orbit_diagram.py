@@ -26,6 +26,7 @@ from gear_rattle_ros.cli.orbit_diagram import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.velocity_counts import count_velocities
 from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.store.store import open_dataset, Store
@@ -163,7 +164,7 @@ def test_going_on_changes_nothing(diagram, capsys):
 @pytest.mark.parametrize('sweeps', [(), ('up', 'starts')])
 def test_sweeps_that_do_not_exist_are_refused(sweeps):
     with pytest.raises(ValueError, match='^sweeps = .* must name some of random, up, down$'):
-        orbit_diagram(Parameters(), sweeps=sweeps)
+        orbit_diagram(Path.over(alpha=(0.4, 0.5)), sweeps=sweeps)
 
 
 @pytest.mark.parametrize(('words', 'named'), [

@@ -19,7 +19,7 @@ import math
 import numpy as np
 import pytest
 
-from gear_rattle_ros import find_attractors, lifetimes, Parameters, Plane, saddle
+from gear_rattle_ros import find_attractors, lifetimes, Parameters, Path, Plane, saddle
 from gear_rattle_ros.cli.saddle import main
 from gear_rattle_ros.core.orbits.branches import follow
 from gear_rattle_ros.core.orbits.orbit import close_orbit
@@ -84,7 +84,7 @@ def test_accessible_orbits_are_born_with_the_attractors(edge):
     accessible = dict(zip(edge['orbit_side'].values.tolist(), edge['orbit_key'].values.tolist(),
                           strict=True))
     for orbit in catalogue.orbits:
-        branch = follow(orbit, -1.0, 0.40, 0.481)
+        branch = follow(orbit, Path.over(alpha=(0.40, 0.481)), -1.0, 0.40, 0.481)
         # The place on the other side of the fold that is nearest to 0.48.
         fold = min(range(len(branch.orbits)), key=lambda k: branch.orbits[k].parameters.alpha)
         partner = min(branch.orbits[fold:], key=lambda one: abs(one.parameters.alpha - 0.48))

@@ -25,6 +25,7 @@ from gear_rattle_ros.cli.transitions import main
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
+from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset
 from gear_rattle_ros.studies.cascades import accumulate, DELTA
 from gear_rattle_ros.studies.endings import spread_out
@@ -34,18 +35,19 @@ from gear_rattle_ros.studies.tangency import touch
 # The logistic map r x (1 - x): where its doublings are and accumulate.
 LOGISTIC = (3.0, 3.4494897428, 3.5440903596, 3.5644072661, 3.5687594195, 3.5696916098)
 ACCUMULATES = 3.5699456719
+ALPHA = Path.over(alpha=(0.4, 0.6))
 
 
 def test_the_logistic_map_becomes_chaotic_where_it_is_published():
     end = accumulate(LOGISTIC, [1e-10] * 6)
-    assert abs(end.alpha - ACCUMULATES) <= end.uncertainty < 1e-5
+    assert abs(end.value - ACCUMULATES) <= end.uncertainty < 1e-5
     assert end.ratios == pytest.approx([4.7514, 4.6562, 4.6683, 4.6686], abs=1e-3)
 
 
 def test_an_exact_cascade_is_extrapolated_exactly_either_way():
     for sign in (1.0, -1.0):
         end = accumulate([1.0 - sign * DELTA**-k for k in range(5)], [0.0] * 5)
-        assert end.alpha == pytest.approx(1.0, abs=1e-12) and end.uncertainty < 1e-12
+        assert end.value == pytest.approx(1.0, abs=1e-12) and end.uncertainty < 1e-12
         assert end.ratios == pytest.approx([DELTA] * 3)
 
 
@@ -57,7 +59,7 @@ def test_few_doublings_are_not_extrapolated():
 def test_a_doubling_that_is_located_badly_ends_the_cascade():
     wrong = [*LOGISTIC[:5], LOGISTIC[5] + 3e-4]
     end = accumulate(wrong, [1e-10] * 5 + [4e-4])
-    assert abs(end.alpha - ACCUMULATES) <= end.uncertainty < 2e-5
+    assert abs(end.value - ACCUMULATES) <= end.uncertainty < 2e-5
     assert end.ratios == pytest.approx([4.7514, 4.6562, 4.6683], abs=1e-3)
 
 
@@ -82,7 +84,7 @@ def test_pieces_are_visited_in_turn_until_they_merge(pieces, before, beyond):
     """Counted on one wall by another program, they merge at 0.56604 and 0.56749."""
     for alpha, merged in ((before, False), (beyond, True)):
         parameters, state = Parameters(alpha=alpha), on_b(alpha)
-        shape = shape_at(parameters, state)
+        shape = shape_at(ALPHA, alpha, state)
         assert shape.pieces == (pieces // 2 if merged else pieces)
         # As another program has it, the least upper velocity.
         assert pieces > 2 or shape.edges[0] == pytest.approx(0.8836 if merged else 0.8907,
@@ -97,13 +99,13 @@ def test_b_bursts_beyond_its_edge_once_it_has_grown():
 
 @pytest.mark.long
 def test_no_growth_is_found_where_an_attractor_changes_smoothly():
-    inside, outside = (shape_at(Parameters(alpha=alpha), on_b(alpha))
+    inside, outside = (shape_at(ALPHA, alpha, on_b(alpha))
                        for alpha in (0.5665, 0.5670))
     assert find_growth(inside, outside, 1e-6, 2000) is None
 
 
 def test_a_periodic_orbit_has_no_shape():
-    assert shape_at(Parameters(alpha=0.5), on_b(0.5)) is None
+    assert shape_at(ALPHA, 0.5, on_b(0.5)) is None
 
 
 @pytest.mark.long
@@ -116,15 +118,15 @@ def test_pieces_merge_where_manifolds_of_the_doubled_orbit_touch(alpha, pieces, 
         parameters, Plane().draw(parameters, 64, 1), hold=5000, chaotic=False).orbits
         if one.impacts == 2)
     while orbit.impacts < impacts:
-        turn, = (turn for turn in follow(orbit, 1.0, 0.4, 0.6).turns
+        turn, = (turn for turn in follow(orbit, ALPHA, 1.0, 0.4, 0.6).turns
                  if turn.change is Change.DOUBLING)
-        orbit = next(one for one in leaving(turn) if one.is_stable)
-    near = shape_at(Parameters(alpha=alpha - 1e-6), on_b(alpha - 1e-6))
+        orbit = next(one for one in leaving(ALPHA, turn) if one.is_stable)
+    near = shape_at(ALPHA, alpha - 1e-6, on_b(alpha - 1e-6))
     tangency = touch(Reshaping(alpha, 2e-7, near, shape_at(
-        Parameters(alpha=alpha + 1e-6), near.state)), merging=orbit)
+        ALPHA, alpha + 1e-6, near.state)), merging=orbit)
     assert tangency.contact.target.orbit.impacts == impacts
     for side, merged in ((-2e-7, False), (2e-7, True)):
-        there = Parameters(alpha=tangency.alpha + side)
+        there = Parameters(alpha=tangency.value + side)
         assert (seen(passages(there, near.state, pieces), 20) > 0) == merged
 
 
@@ -132,12 +134,12 @@ def test_pieces_merge_where_manifolds_of_the_doubled_orbit_touch(alpha, pieces, 
 def test_the_growth_at_which_two_pieces_merge_is_that_of_another_orbit():
     """The orbit that doubled has been crossed before; B collides with one of twelve impacts."""
     alpha = 0.567489627
-    near = shape_at(Parameters(alpha=alpha - 1e-6), on_b(alpha - 1e-6))
+    near = shape_at(ALPHA, alpha - 1e-6, on_b(alpha - 1e-6))
     tangency = touch(Reshaping(alpha, 5.8e-8, near, shape_at(
-        Parameters(alpha=alpha + 1e-6), near.state)))
+        ALPHA, alpha + 1e-6, near.state)))
     assert tangency.contact.target.orbit.impacts == 12 and tangency.contact.is_homoclinic
     for side, merged in ((-2e-7, False), (2e-6, True)):
-        there = Parameters(alpha=tangency.alpha + side)
+        there = Parameters(alpha=tangency.value + side)
         assert (seen(passages(there, near.state, 2), 20) > 0) == merged
 
 

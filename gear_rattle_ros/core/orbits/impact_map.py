@@ -23,7 +23,7 @@ from .section import turn_of
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPER, wall_of
-from ..flight.elementary import relaxation, sine_cosine, TWO_PI
+from ..flight.elementary import relaxation, relaxation_third, sine_cosine, TWO_PI
 from ..flight.first_impact import search_impact
 from ..model import Model
 
@@ -50,7 +50,7 @@ def next_impact(wall: int, phase: float, velocity: float,
 @kernel
 def derivatives(phase: float, velocity: float, d: float, phase_next: float, velocity_next: float,
                 model: Model) -> tuple[float, ...]:
-    """Differentiate an impact by the phase and velocity of the one before, and by alpha."""
+    """Differentiate an impact by the phase and velocity of the one before."""
     # The derivatives of its phase come first, then those of its velocity, which is not zero.
     restitution = model.restitution
     decay, integral, _ = relaxation(d, model.beta)
@@ -62,16 +62,40 @@ def derivatives(phase: float, velocity: float, d: float, phase_next: float, velo
     # At fixed time: a later take-off is a state that lies that much behind.
     way_phase = -after - integral * leaving
     way_velocity = -restitution * integral
-    way_alpha = sine_next - sine - integral * cosine
     slope = -1.0 / velocity_next
     phase_phase = slope * way_phase
     phase_velocity = slope * way_velocity
-    phase_alpha = slope * way_alpha
     return (
-        phase_phase, phase_velocity, phase_alpha,
+        phase_phase, phase_velocity,
         meeting * phase_phase - decay * leaving,
         meeting * phase_velocity - decay * restitution,
-        meeting * phase_alpha + cosine_next - decay * cosine,
+    )
+
+
+@kernel
+def parameter_derivatives(phase: float, velocity: float, d: float, phase_next: float,
+                          velocity_next: float, model: Model
+                          ) -> tuple[tuple[float, float], ...]:
+    """Differentiate the phase and velocity of an impact by each number of the model in turn."""
+    decay, integral, second = relaxation(d, model.beta)
+    sine, cosine = sine_cosine(phase)
+    sine_next, cosine_next = sine_cosine(phase_next)
+    meeting = acceleration(sine_next, cosine_next, velocity_next, model)
+    # What the drag slows, and the derivatives of B and C of `relaxation` by beta.
+    relaxing = -model.restitution * velocity - model.alpha * cosine
+    integral_beta = second - d * integral
+    second_beta = 2.0 * relaxation_third(d, model.beta, second) - d * second
+    slope = -1.0 / velocity_next
+    # At fixed time: how far the gear comes, and its velocity.
+    phase_alpha = slope * (sine_next - sine - integral * cosine)
+    phase_beta = slope * (relaxing * integral_beta + model.gamma * second_beta)
+    phase_gamma = slope * second
+    phase_restitution = slope * (-velocity * integral)
+    return (
+        (phase_alpha, meeting * phase_alpha + cosine_next - decay * cosine),
+        (phase_beta, meeting * phase_beta - relaxing * d * decay + model.gamma * integral_beta),
+        (phase_gamma, meeting * phase_gamma + integral),
+        (phase_restitution, meeting * phase_restitution - velocity * decay),
     )
 
 
@@ -92,16 +116,17 @@ def map_points(points: FloatArray, model: Model
         if walls[i] != NO_WALL and images[i, 1] != 0.0:
             one = derivatives(phase, velocity, times[i], images[i, 0], images[i, 1], model)
             matrices[i, 0, 0], matrices[i, 0, 1] = one[0], one[1]
-            matrices[i, 1, 0], matrices[i, 1, 1] = one[3], one[4]
+            matrices[i, 1, 0], matrices[i, 1, 1] = one[2], one[3]
     return images, matrices, walls, times
 
 
 @kernel
-def shoot(walls: IntArray, points: FloatArray,
-          model: Model) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
+def shoot(walls: IntArray, points: FloatArray, model: Model, by_model: bool
+          ) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
     """Map a closed sequence on: whether each flight ends at the next wall, and a `Shot`."""
+    # By the model only where that is asked for, as it takes as long as the rest.
     q = len(walls)
-    defects, slopes, times = np.zeros((q, 2)), np.zeros((q, 6)), np.zeros(q)
+    defects, slopes, times = np.zeros((q, 2)), np.zeros((q, 2, 6)), np.zeros(q)
     for k in range(q):
         n = (k + 1) % q
         hit, _, phase, velocity, d = next_impact(walls[k], points[k, 0], points[k, 1], model)
@@ -110,9 +135,13 @@ def shoot(walls: IntArray, points: FloatArray,
         times[k] = d
         defects[k, 0] = turn_of(phase - points[n, 0])
         defects[k, 1] = velocity - points[n, 1]
-        for j, slope in enumerate(derivatives(points[k, 0], points[k, 1], d, phase, velocity,
-                                              model)):
-            slopes[k, j] = slope
+        one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
+        for row in range(2):
+            slopes[k, row, 0], slopes[k, row, 1] = one[2 * row], one[2 * row + 1]
+        if by_model:
+            by = parameter_derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
+            for number in range(4):
+                slopes[k, 0, 2 + number], slopes[k, 1, 2 + number] = by[number]
     return True, defects, slopes, times
 
 
@@ -125,14 +154,15 @@ def close_ring(walls: IntArray, points: FloatArray, reach: float, model: Model) 
     seeds, carried = points.copy(), np.zeros((q, 6))
     shortest = math.inf
     for _ in range(NEWTON_STEPS):
-        closed, defects, slopes, _ = shoot(walls, points, model)
+        closed, defects, slopes, _ = shoot(walls, points, model, False)
         if not closed:
             return False
         a, b, c, d, e, f = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
         for k in range(q):
             carried[k, 0], carried[k, 1], carried[k, 2] = a, b, e
             carried[k, 3], carried[k, 4], carried[k, 5] = c, d, f
-            p_p, p_v, v_p, v_v = slopes[k, 0], slopes[k, 1], slopes[k, 3], slopes[k, 4]
+            p_p, p_v = slopes[k, 0, 0], slopes[k, 0, 1]
+            v_p, v_v = slopes[k, 1, 0], slopes[k, 1, 1]
             a, b, c, d, e, f = (
                 p_p * a + p_v * c, p_p * b + p_v * d, v_p * a + v_v * c, v_p * b + v_v * d,
                 p_p * e + p_v * f + defects[k, 0], v_p * e + v_v * f + defects[k, 1])

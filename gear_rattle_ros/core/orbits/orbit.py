@@ -119,7 +119,9 @@ class Shot:
     """One round of a closed sequence of q impacts."""
 
     defects: FloatArray  # how far it is from closing [rad, 1], shape (q, 2)
-    slopes: FloatArray  # of each impact by the one before, and by alpha, shape (q, 2, 3)
+    # Derivatives of each impact by phase and velocity of the one before, and by alpha, beta,
+    # gamma, restitution, shape (q, 2, 6).
+    slopes: FloatArray
     times: FloatArray  # flight time from each impact to the next [1]
 
     @property
@@ -128,13 +130,18 @@ class Shot:
         return self.slopes[:, :, :2]
 
     @property
+    def by_parameters(self) -> FloatArray:
+        """Return the derivatives by alpha, beta, gamma, restitution, shape (2 q, 4)."""
+        return self.slopes[:, :, 2:].reshape(-1, 4)
+
+    @property
     def jacobian(self) -> FloatArray:
-        """Return the derivatives of all defects by the points, and in the last column by alpha."""
+        """Return the derivatives of all defects by the points, shape (2 q, 2 q)."""
         q = len(self.times)
         k, whole = np.arange(q), np.zeros((q, 2, q, 2))
         whole[k, :, k] = self.blocks
         whole[k, :, (k + 1) % q] -= np.eye(2)
-        return np.column_stack([whole.reshape(2 * q, 2 * q), self.slopes[:, :, 2].ravel()])
+        return whole.reshape(2 * q, 2 * q)
 
     def derivative(self, first: int = 0) -> FloatArray:
         """Return the derivative of the whole round from one of its points, shape (2, 2)."""
@@ -146,8 +153,8 @@ class Shot:
 
 def fire(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters) -> Shot | None:
     """Map a closed sequence of impacts on; None where a flight sticks or ends at another wall."""
-    closed, defects, slopes, times = shoot(walls, points, parameters.model)
-    return Shot(defects, slopes.reshape(-1, 2, 3), times) if closed else None
+    closed, defects, slopes, times = shoot(walls, points, parameters.model, True)
+    return Shot(defects, slopes, times) if closed else None
 
 
 def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Parameters,
@@ -172,17 +179,21 @@ def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
     return q
 
 
-def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -> FloatArray:
-    """Solve ``jacobian z = defects``, ``row z = right``: changes of the points and of alpha."""
+def solve_ring(shot: Shot, direction: FloatArray, defects: FloatArray, row: FloatArray,
+               right: float) -> FloatArray:
+    """Solve for changes z of the points and of the place on a path: defects, ``row z = right``."""
+    # The path goes through the parameters in a direction, the last column of the Jacobian.
     # Each impact depends on the one before alone, so all are expressed by the first, which leaves
     # three equations however long the orbit is. Raises LinAlgError where they are singular.
     q, defects = len(shot.times), defects.reshape(-1, 2)
-    # Impact k is carried[k] times (first phase, first velocity, alpha, 1).
+    # Impact k is carried[k] times (first phase, first velocity, place, 1).
     carried = np.zeros((q + 1, 2, 4))
     carried[0, 0, 0] = carried[0, 1, 1] = 1.0
+    along = shot.by_parameters @ direction
     for k in range(q):
         carried[k + 1] = shot.blocks[k] @ carried[k]
-        carried[k + 1, :, 2:] += np.column_stack([shot.slopes[k, :, 2], -defects[k]])
+        carried[k + 1, :, 2] += along[2 * k:2 * k + 2]
+        carried[k + 1, :, 3] -= defects[k]
     system = np.zeros((3, 4))
     system[:2] = carried[q] - carried[0]
     system[2] = np.einsum('i,ij->j', row[:-1], carried[:q].reshape(2 * q, 4))

@@ -1,0 +1,104 @@
+# Copyright 2026 The gear_rattle_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Paths through the parameters, and how windows of an option become one."""
+
+import numpy as np
+import pytest
+
+from gear_rattle_ros.cli import options
+from gear_rattle_ros.cli.refusal import Parser
+from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.path import Path
+
+FIRST, LAST = Parameters(0.3, 0.0, -0.2, 0.6), Parameters(0.7, 0.2, 0.1, 1.0)
+
+
+def test_a_window_of_one_parameter_has_its_name():
+    path = Path.over(FIRST, beta=(0.0, 0.3))
+    assert (path.name, path.ends, path.unit) == ('beta', (0.0, 0.3), 1.0)
+    assert path.at(0.1) == Parameters(0.3, 0.1, -0.2, 0.6)
+    assert path.of(path.at(0.7)) == 0.7
+    assert path.values(4).tolist() == np.linspace(0.0, 0.3, 4).tolist()
+
+
+def test_several_parameters_go_straight_from_one_point_to_the_other():
+    path = Path(FIRST, LAST)
+    assert (path.name, path.ends) == ('path', (0.0, 1.0))
+    assert path.at(0.0) == FIRST
+    assert path.at(1.0).model == pytest.approx(LAST.model, abs=1e-15)
+    for value in (0.25, 0.7):
+        assert path.at(value).model == pytest.approx(
+            [(1.0 - value) * a + value * b for a, b in zip(
+                FIRST.model, LAST.model, strict=True)], abs=1e-15)
+        assert path.of(path.at(value)) == pytest.approx(value, abs=1e-15)
+        assert path.meets(path.at(value)) and not path.meets(Parameters(0.5, 0.1, 0.0, 0.8))
+    h = 1e-3
+    assert path.direction == pytest.approx(
+        np.subtract(path.at(0.5 + h).model, path.at(0.5 - h).model) / (2.0 * h), abs=1e-12)
+    # How far one goes in the parameters.
+    assert np.linalg.norm(np.subtract(path.at(0.3 + h * path.unit).model, path.at(0.3).model)
+                          ) == pytest.approx(h, rel=1e-10)
+
+
+def test_a_path_goes_on_as_far_as_there_are_parameters():
+    path = Path.over(alpha=(0.1, 0.3), restitution=(0.8, 1.0))
+    with pytest.raises(ValueError, match=r'restitution = 1.* is outside \[0, 1\]'):
+        path.at(1.5)
+    assert path.at(1.5, nearest=True).restitution == 1.0
+    assert path.at(-0.5).alpha == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    ('--alpha 0.6 0.5', 'alpha window 0.6 to 0.5 is empty or reversed; give the lower end first'),
+    ('--gamma 0.1 0.1', 'gamma window 0.1 to 0.1 is empty'),
+    ('--alpha 0.5', 'no parameter has a window; give one two values, such as --beta 0.1 0.2'),
+    ('--beta 0.1 0.2 --beta 0.3 0.4', 'give one window of --beta, not 2'),
+    ('--beta 0.1 0.2 --gamma 0.1 0.2 --gamma 0.2 0.3', 'as many windows of --beta as of --gamma'),
+    ('--restitution 0.5 1.5', r'restitution = 1.5 is outside \[0, 1\]')])
+def test_windows_that_are_none_are_refused(words, said):
+    with pytest.raises(ValueError, match=said):
+        options.path_of(parse(words, ((0.47, 0.6),)))
+
+
+def parse(words, windows=()):
+    """Read the options of the model."""
+    parser = Parser('tool')
+    options.add_model(parser, windows=windows)
+    return parser.parse_args(words.split())
+
+
+@pytest.mark.parametrize(('words', 'path'), [
+    ('', Path.over(alpha=(0.47, 0.6))),
+    ('--beta 0', Path.over(Parameters(beta=0.0), alpha=(0.47, 0.6))),
+    ('--beta 0.05 0.2', Path.over(Parameters(0.48), beta=(0.05, 0.2))),
+    ('--beta 0.05 0.2 --alpha 1', Path.over(Parameters(1.0), beta=(0.05, 0.2))),
+    ('--beta 0.2 0.05 --alpha 1 2', Path(Parameters(1.0, 0.2), Parameters(2.0, 0.05)))])
+def test_a_window_is_typed_where_a_value_is(words, path):
+    assert options.path_of(parse(words, ((0.47, 0.6),))) == path
+
+
+def test_windows_come_one_after_the_other():
+    given = parse('--alpha 1 2 --alpha 3 4 --gamma 0.1 0.2 --gamma 0.3 0', ((0.1, 0.2),))
+    assert options.paths_of(given) == (
+        Path(Parameters(1.0, gamma=0.1), Parameters(2.0, gamma=0.2)),
+        Path(Parameters(3.0, gamma=0.3), Parameters(4.0, gamma=0.0)))
+
+
+def test_several_values_are_taken_in_turn():
+    given = parse('--alpha 0.4 0.45 --gamma 0.1 0.2 --beta 0')
+    assert [(options.model_of(one), mark) for one, mark in options.one_by_one(given)] == [
+        (Parameters(alpha, 0.0, gamma), f'-alpha-{alpha:g}-gamma-{gamma:g}')
+        for alpha in (0.4, 0.45) for gamma in (0.1, 0.2)]
+    assert [mark for _, mark in options.one_by_one(parse('--alpha 0.4'))] == ['']
