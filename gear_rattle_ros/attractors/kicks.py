@@ -147,7 +147,7 @@ def smallest_kick(catalogue: Catalogue, attractor: Attractor, *, reach: float = 
     attractor some impacts are tried, so the kick is an upper bound; at rest a kick is tried at
     some phases. None where no kick up to `reach` leads elsewhere.
     """
-    impacts = _impacts(catalogue, attractor, steps)
+    impacts = impacts_of(catalogue, attractor, steps)
     # Away from the wall first: a kick never sends the gear through it.
     away = 2.0 * impacts[:, 0] - 1.0
     return _search(catalogue, attractor, np.tile(impacts, (2, 1)), np.outer(
@@ -172,7 +172,7 @@ def smallest_displacement(catalogue: Catalogue, attractor: Attractor, kick: Kick
         same = dataclasses.replace(kick, change=-kick.change / restitution,
                                    size=kick.size / restitution)
         reach = min(reach, same.size)
-    impacts = _impacts(catalogue, attractor, DIRECTIONS * steps // 2)
+    impacts = impacts_of(catalogue, attractor, DIRECTIONS * steps // 2)
     angles = np.arange(DIRECTIONS) * (TWO_PI / DIRECTIONS)
     found = _search(catalogue, attractor, np.repeat(impacts, DIRECTIONS, axis=0), np.tile(
         np.column_stack([np.cos(angles), np.sin(angles)]), (len(impacts), 1)), 1.0, reach, steps,
@@ -205,7 +205,7 @@ def _search(catalogue: Catalogue, attractor: Attractor, impacts: FloatArray,
                 change, *found[1:])
 
 
-def _impacts(catalogue: Catalogue, attractor: Attractor, steps: int) -> FloatArray:
+def impacts_of(catalogue: Catalogue, attractor: Attractor, steps: int = STEPS) -> FloatArray:
     """List impacts on an attractor: wall, phase, velocity before; at rest phases, without any."""
     if attractor.orbit:
         return attractor.points()

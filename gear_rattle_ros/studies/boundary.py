@@ -18,19 +18,19 @@ import contextlib
 import dataclasses
 import functools
 import math
-from pathlib import Path
 from typing import Any, Final, Unpack
 
 import numpy as np
 
 from . import attractors
-from .grid import axes_of
+from .basins import compute_basins
 from .saddle import boundary_saddle
 from .work import Arrays, Study, Work, WorkOptions
+from ..attractors.accessible import accessible_orbit
 from ..attractors.catalogue import Catalogue, results_here
-from ..attractors.finding import find_attractors
-from ..attractors.listing import named
-from ..attractors.plane import Plane
+from ..attractors.kicks import smallest_kick
+from ..attractors.listing import named, table
+from ..attractors.plane import Plane, SECTION
 from ..core.arrays import FloatArray, IntArray
 from ..core.boundaries.entropy import (
     basin_entropies,
@@ -41,12 +41,12 @@ from ..core.boundaries.entropy import (
     SMOOTH,
 )
 from ..core.boundaries.uncertainty import count_cut, fit_power_law, Label, PowerLaw, PROBES
-from ..core.boundaries.wada import merge_basins, refine_boundary
+from ..core.boundaries.wada import follow_unstable, merge_basins, refine_boundary
 from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, LIFETIMES_CAP, SEED, TOLERANCE
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
-from ..core.words import counted
-from ..store.layout import Axis, Layout, Variable
+from ..core.orbits.manifolds import saddle_of
+from ..core.words import counted, in_columns
 from ..store.store import Store
 
 NAME: Final = 'boundary'
@@ -56,7 +56,6 @@ TITLE: Final = 'Basin boundary of the gear-rattling model'
 DECIDED: Final = 1e-12
 ROUNDING: Final = 1e-15
 MOST: Final = 200_000  # probes at one distance
-ROWS: Final = 20  # of cells that are labelled together
 # Boxes and discs of the grid [cells], and the discs.
 EDGES: Final = (5, 10, 15, 20, 25)
 RADIUS: Final = 20
@@ -73,17 +72,11 @@ COARSE: Final = (1e-8, 1e-2)
 COARSE_ERROR: Final = 0.1
 COARSE_GRID: Final = 150
 COARSE_EDGE: Final = 6
-# What the tables of the dataset have: the fields of Entropy, then the rates of the saddle.
-ENTROPY: Final = {
-    'entropy_edge': 'cells along the edge of a box; 0 for infinitely many, by extrapolation',
-    'entropy_mean': 'basin entropy S_b', 'entropy_mean_error': 'its standard error',
-    'entropy_boundary': 'boundary basin entropy S_bb',
-    'entropy_boundary_error': 'its standard error'}
+# The rates of the saddle in the dataset.
 SADDLE: Final = {
-    'saddle_exponent': 'uncertainty exponent by the saddle on the boundary',
-    'saddle_exponent_error': 'its standard error',
-    'saddle_kappa': 'escape rate of the saddle per impact',
-    'saddle_lambda_1': 'its larger Lyapunov exponent per impact'}
+    'exponent': 'uncertainty exponent by the saddle on the boundary',
+    'exponent_error': 'its standard error', 'kappa': 'escape rate of the saddle per impact',
+    'lambda_1': 'its larger Lyapunov exponent per impact'}
 
 
 def labels_of(known: Catalogue, plane: Plane, cap: int, across: FloatArray, velocities: FloatArray
@@ -104,8 +97,8 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
 
     The dataset has, by `probe` and `distance`, how many random `probes` there were and how many
     of them are `cut`, as their points differ in their labels; the `exponent` of each probe;
-    the `label` of every cell, the entropy of the basins in boxes and discs of cells, the two tests
-    of Wada, the rates of the saddle on the boundary, and the attractors.
+    the entropy of basins in boxes and discs of cells, the three tests of Wada, the rates of the
+    saddle on the boundary, and what `basins` has.
 
     Parameters
     ----------
@@ -121,31 +114,18 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
         As `basins` takes them.
 
     """
-    attractors.require_tolerance(tolerance)
-    sizes = distances_of(distances, per_decade)
+    sizes = np.append(distances_of(distances, per_decade), ROUNDING)
     if not 0.001 <= error <= 0.3:
         raise ValueError(f'--error {error:g} is not between 0.001 and 0.3')
     work, plane = Work(**options), plane or Plane()
-    store = work.begin(_layout(plane, np.append(sizes, ROUNDING), attractors.identity_of(
-        NAME, parameters, plane, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
-        initial_conditions=initial_conditions, size=[plane.phases, plane.velocities],
-        per_decade=per_decade, error=error)))
-    if not store.pending() and store.has_table('saddle_exponent'):
-        return store
-    known = find_attractors(
-        parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
-        hold=hold, threads=work.threads, cluster=work.cluster)
+    store, known = compute_basins(
+        parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
+        initial_conditions=initial_conditions, name=NAME, title=TITLE, error=error,
+        per_decade=per_decade, distances=list(distances))
     label = functools.partial(labels_of, known, plane, cap)
-    with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
-        work.run(functools.partial(fill_tile, store.path, plane, label, error, seed),
-                 pending, finished)
-    if not store.has_table('label'):
-        grid = _label_cells(known, plane, cap, work).astype('<i2')
-        store.write_table({'label': (('velocity', plane.across), grid, named(
-            'attractor: attractor_label; -1 unsettled, -2 and -3 at rest on the upper and lower '
-            'wall, -4 between the walls'))})
-    attractors.write_attractors(store, known)
-    _write_results(store, plane, label, known, seed)
+    _count(store, plane, label, sizes, error, seed, work)
+    if not store.has_table('saddle_lambda_1'):
+        _write_results(store, plane, label, known, seed, work)
     return store
 
 
@@ -179,20 +159,39 @@ def distances_of(distances: tuple[float, float], per_decade: int) -> FloatArray:
     return high * 10.0**(-np.arange(count) / per_decade)
 
 
-def fill_tile(path: Path, plane: Plane, label: Label, error: float, seed: int, tile: int) -> int:
-    """Count the cut probes of one kind at one distance."""
-    store = Store(path)
-    place = store.tiles[tile]
-    probe = PROBES[place['probe'].start]
-    size = float(store.read_all('distance')[place['distance'].start])
-    counts = 0, 0
+def _count(store: Store, plane: Plane, label: Label, sizes: FloatArray, error: float, seed: int,
+           work: Work) -> None:
+    """Count the cut probes of each kind at each distance, where that is not done yet."""
+    cut, probes = (store.read_all(name) if store.has_table('probes') else np.zeros(
+        (len(PROBES), len(sizes)), np.int64) for name in ('cut', 'probes'))
     # Boxes of a last digit have corners that are the same.
-    if size >= DECIDED or probe == 'triplet':
-        counts = count_cut(label, (plane.window, plane.velocity), probe, size, error, MOST,
-                           np.random.default_rng([seed, tile]))
-    store.write(tile, {name: np.full((1, 1), count)
-                       for name, count in zip(('cut', 'probes'), counts, strict=True)})
-    return 0
+    left = [k for k in range(probes.size - 1) if not probes.flat[k]]
+
+    def count(number: int) -> tuple[int, int]:
+        probe, size = divmod(number, len(sizes))
+        return count_cut(label, (plane.window, plane.velocity), PROBES[probe], sizes[size], error,
+                         MOST, np.random.default_rng([seed, number]))
+
+    with work.report(f'{NAME}, probes', probes.size - 1) as progress:
+        progress.skip(probes.size - 1 - len(left))
+
+        def finished(number: int, counts: tuple[int, int]) -> None:
+            cut.flat[number], probes.flat[number] = counts
+            # What says that it is done comes last.
+            store.write_table({name: (('probe', 'distance'), values, named(words))
+                               for name, values, words in (
+                ('cut', cut, 'probes whose points differ in their labels'),
+                ('probes', probes, 'all probes'))})
+            progress.add(1)
+
+        if not store.has_table('distance'):
+            store.write_table({
+                'probe': (('probe',), np.array(PROBES), named(
+                    'triplet: a point and one on either side; box: the corners of a square',
+                    None)),
+                'distance': (('distance',), sizes, named(
+                    'distance in a triplet, edge of a box'))})
+        work.run(count, left, finished)
 
 
 def law_of(dataset: Arrays, probe: str) -> PowerLaw | None:
@@ -204,22 +203,12 @@ def law_of(dataset: Arrays, probe: str) -> PowerLaw | None:
 
 
 def entropies_of(dataset: Arrays) -> list[Entropy]:
-    return [Entropy(*row) for row in zip(*(dataset[name].values.tolist() for name in ENTROPY),
-                                         strict=True)]
+    return [Entropy(*row) for row in zip(*(
+        dataset[f'entropy_{name}'].values.tolist() for name in Entropy._fields), strict=True)]
 
 
-def _label_cells(known: Catalogue, plane: Plane, cap: int, work: Work) -> IntArray:
-    parts = []
-    with work.report(f'{NAME}, grid', plane.phases * plane.velocities) as progress:
-        for first in range(0, plane.velocities, ROWS):
-            rows = slice(first, min(first + ROWS, plane.velocities))
-            parts.append(known.label(plane.cells(known.parameters, rows, slice(None)), cap,
-                                     threads=work.threads, cluster=work.cluster)['label'])
-            progress.add(len(parts[-1]))
-    return np.concatenate(parts).reshape(plane.velocities, plane.phases)
-
-
-def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, seed: int) -> None:
+def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, seed: int,
+                   work: Work) -> None:
     """Write what follows from the probes and the cells, and the rates of the saddle."""
     laws = [law_of(store, probe) for probe in PROBES]
     grid = np.asarray(store.read_all('label'), np.int64)
@@ -238,8 +227,6 @@ def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, s
          'exponent of the share of probes that are cut'),
         ('exponent_error', ('probe',), [getattr(law, 'error', math.nan) for law in laws],
          'standard error of the exponent'),
-        *((name, ('entropy',), [each[k] for each in entropies], words)
-          for k, (name, words) in enumerate(ENTROPY.items())),
         ('disc', ('value',), [radius, *disc_entropy(grid, radius, DISCS,
                                                     np.random.default_rng(seed))],
          'radius of random discs [cells], mean entropy of those with several labels, its standard '
@@ -251,11 +238,30 @@ def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, s
             label, (plane.window, plane.velocity), grid, basins, HALVINGS, PAIRS,
             np.random.default_rng(seed)),
          'share of neighbouring cells in different basins between which all basins are found '
-         'after so many halvings'),
-        *((name, (), value, words)
-          for (name, words), value in zip(SADDLE.items(), saddle, strict=True)))
+         'after so many halvings'))
+    # Of each box size: S_b, S_bb and their errors; 0 cells for infinitely many, by extrapolation.
     store.write_table({name: (dimensions, values, named(words))
-                       for name, dimensions, values, words in columns})
+                       for name, dimensions, values, words in columns} | table(
+        'entropy', **{name: ([getattr(each, name) for each in entropies],
+                             f'entropy of basins in boxes: {name}') for name in Entropy._fields}
+        ) | _accessible(known, basins, store.attrs['cap'], work) | {
+            f'saddle_{name}': ((), value, named(words))
+            for (name, words), value in zip(SADDLE.items(), saddle, strict=True)})
+
+
+def _accessible(known: Catalogue, basins: list[int], cap: int, work: Work) -> dict[str, Any]:
+    """Find the orbit accessible from each of three basins or more; where its manifold leads."""
+    keys, shares = [''] * len(basins), np.zeros((len(basins), len(basins)))
+    for each in known.attractors if len(basins) > 2 else ():
+        if each.label in basins and (orbit := accessible_orbit(known, each, smallest_kick(
+                known, each, cap=cap, threads=work.threads), cap)):
+            keys[k := basins.index(each.label)] = orbit.key
+            shares[k] = follow_unstable(
+                functools.partial(labels_of, known, Plane(kind=SECTION), cap), orbit.points[0],
+                saddle_of(orbit).unstable, orbit.multipliers[0].real, basins)
+    return table('accessible', label=(basins, 'basin from which an orbit is accessible'),
+                 key=(keys, 'name of the orbit, empty for none found', None),
+                 share=(shares, 'share of its unstable manifold in each basin', '1', 'basin'))
 
 
 def describe(dataset: Arrays) -> str:
@@ -272,7 +278,7 @@ def describe(dataset: Arrays) -> str:
             f'{2.0 - law.exponent:.4f}, from {law.low:.1e} to {law.high:.1e} (chi^2 '
             f'{law.chi_squared:.1f} for {counted(law.freedom, "degree")} of freedom)' if law else
             f'{name}: too few are cut for an exponent; give larger --distances')
-    value, error, kappa, growth = (float(dataset[name].values) for name in SADDLE)
+    value, error, kappa, growth = (float(dataset[f'saddle_{name}'].values) for name in SADDLE)
     if math.isfinite(value):
         lines.append(f'saddle on the boundary: exponent {value:.4f} +- {error:.4f}, dimension of '
                      f'the boundary {2.0 - value:.4f}, from kappa {kappa:.4f} and lambda_1 '
@@ -303,16 +309,23 @@ def describe(dataset: Arrays) -> str:
                 f'{merging[-1]:.1%} of one are {within}'),
             f'Wada by grid refinement: {"passed" if refinement[-1] >= SHARED else "failed"}, all '
             f'basins lie between {refinement[-1]:.1%} of the pairs of neighbouring cells in two '
-            'basins']
+            'basins',
+            *_wada_by_manifolds(dataset)]
     return attractors.describe(dataset, cells, '\n'.join(lines))
 
 
-def _layout(plane: Plane, sizes: FloatArray, identity: dict[str, object]) -> Layout:
-    return Layout(
-        (Axis('probe', np.array(PROBES), named(
-            'triplet: a point and one on either side; box: the corners of a square', None), 1),
-         Axis('distance', sizes, named('distance in a triplet, edge of a box'), 1),
-         *axes_of(plane, 0)),
-        tuple(Variable(name, ('probe', 'distance'), '<i8', named(words)) for name, words in (
-            ('cut', 'probes whose points differ in their labels'), ('probes', 'all probes'))),
-        identity, {'title': TITLE})
+def _wada_by_manifolds(dataset: Arrays) -> list[str]:
+    names = {label: str(letter or key) for label, letter, key in zip(*(
+        dataset[f'attractor_{name}'].values.tolist() for name in ('label', 'letter', 'key')),
+        strict=True)}
+    labels, keys, shares = (dataset[f'accessible_{name}'].values
+                            for name in ('label', 'key', 'share'))
+    basins = [names.get(label, str(label)) for label in labels.tolist()]
+    found = keys != ''
+    verdict = ('failed' if np.any(shares[found] == 0.0) else
+               'passed' if found.all() else 'undecided')
+    return [f'Wada by unstable manifolds: {verdict}, where those of the orbits accessible from '
+            'each basin lead:',
+            in_columns(['accessible from', 'orbit', *(f' {name} [%]' for name in basins)], [
+                [name, str(key or 'none found'), *(f'{100.0 * share:.1f}' for share in row)]
+                for name, key, row in zip(basins, keys, shares, strict=True)])]

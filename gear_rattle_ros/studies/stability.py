@@ -24,12 +24,16 @@ import numpy as np
 import numpy.typing as npt
 
 from . import attractors, basins
-from .erosion import describe_erosion, erosion_of
+from .continuation import BINS
+from .diagram import Diagram
+from .orbit_diagram import compute
 from .work import Arrays, Study, Work, WorkOptions
+from ..attractors.accessible import accessible_orbit, least_changes
 from ..attractors.catalogue import Attractor, Catalogue, Kind, OTHERS, others_where
+from ..attractors.columns import Window
 from ..attractors.finding import find_attractors
-from ..attractors.kicks import Kick, REACH, smallest_displacement, smallest_kick
-from ..attractors.listing import table
+from ..attractors.kicks import impacts_of, Kick, REACH, smallest_displacement, smallest_kick
+from ..attractors.listing import named, table
 from ..attractors.plane import Plane, SECTION
 from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import BASINS_CAP, HOLD, SEED, TOLERANCE
@@ -51,6 +55,12 @@ ROOM: Final = 1_000_000
 # periods, whose fractions are spread evenly.
 MOMENTS: Final = 1000
 BETWEEN: Final = 10.0 + 0.5 * (math.sqrt(5.0) - 1.0)
+# Parts of what there is at the model, and quantities, of which the places are sought.
+LEVELS: Final = (0.9, 0.5)
+QUANTITIES: Final = ('share', 'kick')
+# What is listed of a kick.
+KICK: Final = ('size', 'change', 'phase_change', 'wall', 'phase', 'velocity', 'target',
+               'resolution', 'unsettled', 'manifold')
 
 
 @Study
@@ -110,7 +120,9 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
             target, plane.draw(target, initial_conditions, seed), tolerance=tolerance, hold=hold,
             threads=work.threads), work))
     if erosion and not store.has_table('attractor_left'):
-        store.write_table(erosion_of(catalogue, plane, erosion, columns, trajectories, seed, work))
+        store.write_table(_erosion(catalogue, Diagram(
+            erosion, columns, plane, trajectories, seed, Window(bins=BINS, kicks=True),
+            ('random',)), work))
     store.set_attributes({'omega': omega or 0.0})
     return store
 
@@ -145,21 +157,36 @@ def settling_times(initial: RecordArray, lifetimes: IntArray) -> FloatArray:
 
 
 def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str, Any]:
-    """Find the smallest kick and displacement of each attractor."""
+    """Find the smallest kick and displacement of each attractor, by labels and on a manifold."""
     found: list[tuple[Kick | None, Kick | None]] = []
+    saddles, least = [], np.full((len(catalogue.attractors), 2), math.nan)
     with work.report(f'{NAME}, kicks', len(catalogue.attractors)) as progress:
-        for each in catalogue.attractors:
+        for k, each in enumerate(catalogue.attractors):
             kick = smallest_kick(catalogue, each, reach=reach, cap=cap, threads=work.threads)
             found.append((kick, smallest_displacement(
                 catalogue, each, kick, reach=reach, cap=cap, threads=work.threads)))
+            saddle = accessible_orbit(catalogue, each, kick, cap)
+            if kick and saddle:
+                impacts = impacts_of(catalogue, each)
+                kicked, displaced = least_changes(
+                    saddle, impacts, reach + float(np.max(np.abs(impacts[:, 2]))))
+                least[k] = (kicked * catalogue.parameters.restitution,
+                            displaced if found[k][1] else math.nan)
+            saddles.append(saddle.key if saddle else '')
             progress.add(1)
-    return table('attractor', **{f'{name}_{field.name}': (
-        [getattr(kick, field.name) if kick else UNSETTLED if field.type is int else math.nan
-         for kick in kicks],
-        f'smallest {name} of an impact that changes the attractor: '
-        f'{field.name.replace("_", " ")}', 'rad' if 'phase' in field.name else '1')
-        for name, kicks in zip(('kick', 'displacement'), zip(*found, strict=True), strict=True)
-        for field in dataclasses.fields(Kick)})
+    columns: dict[str, tuple[Any, ...]] = {'saddle': (
+        saddles, 'orbit on the boundary that the smallest kick leads to, empty for none', None)}
+    for name, kicks, places in zip(('kick', 'displacement'), zip(*found, strict=True), least.T,
+                                   strict=True):
+        words = f'smallest {name} of an impact that changes the attractor'
+        columns[f'{name}_manifold'] = places, f'{words}: size on the manifold of the orbit'
+        for field in dataclasses.fields(Kick):
+            columns[f'{name}_{field.name}'] = (
+                [getattr(kick, field.name) if kick else UNSETTLED if field.type is int else
+                 math.nan for kick in kicks],
+                f'{words}: {field.name.replace("_", " ")}',
+                'rad' if 'phase' in field.name else '1')
+    return table('attractor', **columns)
 
 
 def _discs(labels: IntArray, catalogue: Catalogue, plane: Plane) -> dict[str, Any]:
@@ -242,6 +269,63 @@ def _states_of(parameters: Parameters, attractor: Attractor) -> FloatArray:
     return np.array(states)
 
 
+def _erosion(catalogue: Catalogue, diagram: Diagram, work: Work) -> dict[str, Any]:
+    """Follow shares and smallest kicks along a path, and find where parts of them are left."""
+    path, count = diagram.path, len(catalogue.attractors)
+    value, places = path.of(catalogue.parameters), diagram.values
+    store = compute(diagram, Work(threads=work.threads, progress=work.progress), 'erosion')
+    numbers, share, kick, states = (store.read_all(name)[0] for name in (
+        'attractor', 'share', 'kick', 'member_state'))
+    # Which is which there: where the state of each leads.
+    here = int(np.argmin(np.abs(places - value)))
+    some = np.flatnonzero(numbers[here] >= 0)
+    labels = catalogue.label(make_initial_conditions(
+        catalogue.parameters, *states[here, some].T), threads=work.threads)['label']
+    values = np.full((len(QUANTITIES), count, len(places)), math.nan)
+    left = np.full((count, len(QUANTITIES), len(LEVELS), 2, 2), math.nan)
+    for k, each in enumerate(catalogue.attractors):
+        if each.kind is Kind.UNSETTLED or each.label not in labels:
+            continue
+        mine = numbers == numbers[here, some[np.argmax(labels == each.label)]]
+        values[:, k] = np.sum(share, axis=1, where=mine), np.where(mine.any(axis=1), np.max(
+            kick, axis=1, where=mine, initial=-math.inf), 0.0)
+        for q, noise in enumerate((diagram.trajectories, 0)):
+            for side, away in enumerate((-1, 1)):
+                # From the model on, where the line between two columns has its value.
+                beyond = np.flatnonzero(away * (places - value) > 1e-12)[::away]
+                line = (np.append(value, places[beyond]), np.append(
+                    np.interp(value, places, values[q, k]), values[q, k, beyond]))
+                for n, level in enumerate(LEVELS):
+                    left[k, q, n, side] = where_left(*line, level, noise)
+    over = '1', 'quantity', 'level', 'side'
+    return table('attractor', left=(
+        left[..., 0], f'{path.name} at which 90 and 50 % of share and kick are left, below and '
+        'above the model', *over), left_error=(left[..., 1], 'how well it is known', *over)) | {
+            f'erosion_{name}': (dimensions, column, named(words))
+            for name, dimensions, column, words in (
+                (path.name, ('erosion',), places, path.words),
+                ('share', ('attractor', 'erosion'), values[0], 'share of the random initial '
+                 'conditions'),
+                ('kick', ('attractor', 'erosion'), values[1], 'smallest kick that changes the '
+                 'attractor; 0 where it is not there, nan for none'))}
+
+
+def where_left(places: FloatArray, values: FloatArray, level: float, trajectories: int
+               ) -> tuple[float, float]:
+    """Return where a part of the first value is left for the first time, and the error; or nan."""
+    # The error is that of the shares of `trajectories`, and a quarter of the last step at least.
+    below = np.flatnonzero(values < level * values[0])
+    if not len(below):
+        return math.nan, math.nan
+    k = int(below[0])
+    step, fall = places[k] - places[k - 1], values[k - 1] - values[k]
+    errors = [value * (1.0 - value) / trajectories if trajectories else 0.0
+              for value in values[[0, k]]]
+    error = math.sqrt(level**2 * errors[0] + errors[1]) * abs(step) / fall
+    return (float(places[k - 1] + step * (values[k - 1] - level * values[0]) / fall),
+            max(error, 0.25 * abs(step)))
+
+
 def describe(dataset: Arrays) -> str:
     """Put the stability of every attractor in words."""
     a, omega = dataset.attrs, dataset.attrs['omega']
@@ -249,8 +333,8 @@ def describe(dataset: Arrays) -> str:
     across = Plane.of(a).across
     one = {name: dataset[f'attractor_{name}'].values for name in (
         'label', 'letter', 'key', 'kind', 'settling_impacts', 'settling_periods', 'disc_radius',
-        f'disc_{across}', 'disc_velocity', *(f'{what}_{field.name}' for what in (
-            'kick', 'displacement') for field in dataclasses.fields(Kick)))}
+        f'disc_{across}', 'disc_velocity', 'saddle', *(f'{what}_{name}' for what in (
+            'kick', 'displacement') for name in KICK))}
     names = {label: key for label, (key, _) in OTHERS.items()} | {
         int(label): str(letter or key) for label, letter, key in zip(
             one['label'], one['letter'], one['key'], strict=True)}
@@ -261,14 +345,13 @@ def describe(dataset: Arrays) -> str:
         parts.append(in_columns(headings, [[names[int(one['label'][k])], *row(k)] for k in some]))
 
     def kick(what: str, k: int) -> list[str]:
-        size, change, turned, wall, phase, velocity, target, resolution, unsettled = (
-            one[f'{what}_{name}'][k] for name in (
-                'size', 'change', 'phase_change', 'wall', 'phase', 'velocity', 'target',
-                'resolution', 'unsettled'))
+        size, change, turned, wall, phase, velocity, target, resolution, unsettled, manifold = (
+            one[f'{what}_{name}'][k] for name in KICK)
         in_si = [f'{1e3 * size * scale:.4g}'] if scale and what == 'kick' else []
         if not math.isfinite(size):
-            return [f'none to {a["reach"]:g}', *[''] * (5 + len(in_si))]
-        return [f'{size:.6f}', *in_si, f'{change:+.6f}' if what == 'kick' else
+            return [f'none to {a["reach"]:g}', *[''] * (7 + len(in_si))]
+        return [f'{size:.6f}', *in_si, f'{manifold:.9f}' if math.isfinite(manifold) else '-',
+                str(one['saddle'][k] or '-'), f'{change:+.6f}' if what == 'kick' else
                 f'({turned:+.6f}, {change:+.6f})',
                 f'{Wall(int(wall)).label}, {phase:.4f}, {velocity:+.4f}', names[int(target)],
                 f'{resolution:.1e}', f'{100.0 * unsettled:.2f}']
@@ -279,10 +362,9 @@ def describe(dataset: Arrays) -> str:
         *(f'{value:,.1f}' for value in one['settling_periods'][k, ::2]),
         *(f'{value * TWO_PI / omega:.4g}' for value in one['settling_periods'][k, ::2] if omega)])
     for what in ('kick', 'displacement'):
-        add([f'smallest {what}', ' size [1]',
-             *[' [mm/s]'] * bool(scale and what == 'kick'), ' change',
-             'impact: wall, phase, velocity', 'leads to', ' dents under', ' unsettled [%]'],
-            functools.partial(kick, what))
+        add([f'smallest {what}', ' size [1]', *[' [mm/s]'] * bool(scale and what == 'kick'),
+             ' on the manifold', 'of', ' change', 'impact: wall, phase, velocity', 'leads to',
+             ' dents under', ' unsettled [%]'], functools.partial(kick, what))
     add(['largest disc', ' radius [1]', f' {across}', ' velocity'], lambda k: [
         f'{one["disc_radius"][k]:.3f}', f'{one[f"disc_{across}"][k]:.3f}',
         f'{one["disc_velocity"][k]:+.3f}'])
@@ -292,5 +374,13 @@ def describe(dataset: Arrays) -> str:
              *(f' {letter or key}' for letter, key in zip(letters, keys, strict=True))],
             lambda k: [f'{100.0 * share:.1f}' for share in dataset['attractor_tipped'].values[k]])
     if 'erosion_window' in a:
-        parts.append(describe_erosion(dataset, {k: names[int(one['label'][k])] for k in some}))
+        axis = a.get('erosion_window_along', 'alpha')
+        left, errors = (dataset[f'attractor_{name}'].values for name in ('left', 'left_error'))
+        parts.append(in_columns(
+            ['erosion', 'of', *(f' {level:.0%} left {side} {axis}' for level in LEVELS
+                                for side in ('below', 'above'))],
+            [[names[int(one['label'][k])], quantity, *(
+                f'{place:.5f} +- {error:.5f}' if math.isfinite(place) else 'not in the window'
+                for place, error in zip(left[k, q].flat, errors[k, q].flat, strict=True))]
+             for k in some for q, quantity in enumerate(QUANTITIES)]))
     return '\n\n'.join(parts[:len(parts) if some else 1])

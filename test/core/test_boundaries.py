@@ -33,7 +33,11 @@ from gear_rattle_ros.core.boundaries.uncertainty import (
     fit_power_law,
     PROBES,
 )
-from gear_rattle_ros.core.boundaries.wada import merge_basins, refine_boundary
+from gear_rattle_ros.core.boundaries.wada import (
+    follow_unstable,
+    merge_basins,
+    refine_boundary,
+)
 
 SQUARE = ((-1.0, 1.0), (-1.0, 1.0))
 CYLINDER = ((0.0, 2.0 * math.pi), (-0.5, 0.5))
@@ -97,7 +101,7 @@ def test_uncertainty_exponent_of_grebogis_map(probe):
     """Published: about 0.2."""
     law = exponent(grebogi, CYLINDER, probe, 10.0**np.arange(-5.0, -0.9))
     assert law.exponent == pytest.approx(0.2, abs=0.02)
-    assert law.error < 0.006
+    assert law.error < 0.008
 
 
 @pytest.mark.parametrize('probe', PROBES)
@@ -113,13 +117,25 @@ def test_uncertainty_exponent_of_a_smooth_boundary_is_1(probe):
     assert law.exponent == pytest.approx(1.0, abs=4.0 * law.error)
 
 
+def test_a_range_that_is_too_wide_bends():
+    """Shares as at 0.48, where those of the largest three sizes are 8, 14 and 27 % too large."""
+    sizes = 10.0**-np.arange(1.0, 9.1, 0.5)
+    shares = 0.49 * sizes**0.0735 * np.append([1.27, 1.14, 1.08, 1.02], np.ones(13))
+    random, off = np.random.default_rng(6), []
+    for _ in range(200):
+        law = fit_power_law(sizes, random.binomial(2000, shares), np.full(17, 2000))
+        off.append((law.exponent - 0.0735) / law.error)
+    # By chi^2 alone one in five is off by three errors, and the mean by 1.7.
+    assert np.mean(np.abs(off) > 3.0) < 0.1 and abs(np.mean(off)) < 0.8
+
+
 def test_the_range_of_a_power_law():
     """Shares 0.5 x^0.3 below x = 1e-3 and constant above; and the line is exact without noise."""
     sizes = 10.0**np.arange(-9.0, -0.9, 0.5)
     probes = np.full(len(sizes), 20_000)
     shares = 0.5 * np.minimum(sizes, 1e-3)**0.3
     law = fit_power_law(sizes, np.random.default_rng(3).binomial(probes, shares), probes)
-    assert law.low == pytest.approx(1e-9) and law.high == pytest.approx(1e-3)
+    assert law.low < 1e-8 and 2e-4 < law.high < 1.001e-3
     assert law.exponent == pytest.approx(0.3, abs=4.0 * law.error)
     assert law.probability > 0.05
     exact = fit_power_law(sizes[:6], shares[:6] * probes[:6], probes[:6])
@@ -183,3 +199,10 @@ def test_wada(label, window, basins, is_wada):
     else:
         assert set(merging) == {0.0} and len(merging) == 11
         assert set(refined) == {0.0}
+
+
+def test_the_unstable_manifold_of_a_saddle_between_two_of_three_basins():
+    """Flows along y of a product map: each saddle leads to its neighbours in equal parts."""
+    for saddle, shares in ((STRIPES[0], [0.5, 0.5, 0.0]), (STRIPES[1], [0.0, 0.5, 0.5])):
+        assert follow_unstable(stripes, np.array([0.2, saddle]), np.array([0.0, 1.0]), 1.7,
+                               [0, 1, 2]) == shares

@@ -26,6 +26,7 @@ from gear_rattle_ros import boundary, find_attractors, Parameters, Plane
 from gear_rattle_ros.cli.boundary import main
 from gear_rattle_ros.cli.continuation import main as follow
 from gear_rattle_ros.core.boundaries.uncertainty import count_cut
+from gear_rattle_ros.store.store import Store
 from gear_rattle_ros.studies.boundary import describe, labels_of, law_of, measure, PROBES
 
 QUICK = {'initial_conditions': 60, 'hold': 2000, 'cap': 4000}
@@ -58,6 +59,9 @@ def test_three_basins_share_one_boundary(tmp_path, capsys):
     assert picture.exists()
     assert 'S_bb exceeds ln 2' in said
     assert 'Wada by grid refinement: passed' in said
+    assert 'Wada by unstable manifolds: passed' in said
+    # C is born with the orbit that is accessible from it: three impacts as well.
+    assert re.search('^C +orbit-3-1-U', said, re.MULTILINE)
     found = re.search(r'triplets: exponent (\S+) \+- (\S+),', said)
     assert 0.0 < float(found[1]) < 0.3 and float(found[2]) < 0.05
 
@@ -102,6 +106,23 @@ def test_where_there_is_no_boundary():
     # Where no disc has several labels, nothing is said of them.
     dataset['label'][0, 0] = 1 - dataset['label'][0, 0]
     assert 'smooth' not in describe(dataset)
+
+
+def test_probes_are_counted_where_that_was_stopped(tmp_path):
+    """A count that is missing is made again, to the same number, and the others stay."""
+    def counted():
+        return boundary(Parameters(alpha=0.48), Plane(phases=10, velocities=10), per_decade=1,
+                        distances=(1e-4, 1e-1), error=0.3, store=tmp_path / 'a.zarr',
+                        resume=True, **QUICK).load()
+
+    whole, store = counted(), Store(tmp_path / 'a.zarr')
+    cut, probes = (store.read_all(name) for name in ('cut', 'probes'))
+    cut[0, :2], probes[0, :2], cut[1, 0] = 0, 0, 7
+    store.write_table({name: (('probe', 'distance'), values, {})
+                       for name, values in (('cut', cut), ('probes', probes))})
+    again = counted()
+    assert np.array_equal(again['cut'][0], whole['cut'][0]) and again['cut'][1, 0] == 7
+    assert np.array_equal(again['probes'], whole['probes'])
 
 
 def test_where_areas_are_preserved_nothing_settles():

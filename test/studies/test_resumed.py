@@ -43,7 +43,7 @@ MAINS = {'boundary': boundary.main, 'continuation': continuation.main, 'crisis':
          'saddle': saddle.main, 'stability': stability.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
-    'boundary': ('--distances 1e-7 1e-1 --error 0.1 --size 100', 28,
+    'boundary': ('--distances 1e-7 1e-1 --error 0.1 --size 400', 16,
                  ('cut', 'exponent', 'label', 'entropy_mean', 'merging')),
     'orbit_diagram': ('--alpha 0.48 0.52 --columns 64 --bins 300 --trajectories 32 --skip 3000 '
                       '--keep 512', 24, ('count', 'exponent', 'end_state', 'attractor')),

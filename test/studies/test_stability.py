@@ -29,7 +29,6 @@ from gear_rattle_ros.core.many.recognition import with_neighbourhood
 from gear_rattle_ros.core.orbits.orbit import close_orbit
 from gear_rattle_ros.core.orbits.section import distances
 from gear_rattle_ros.studies import stability as study
-from gear_rattle_ros.studies.erosion import where_left
 
 P = Parameters(0.48)
 # Where the orbit of one impact a period ends at the paper's beta, gamma and r.
@@ -148,9 +147,9 @@ def test_the_smallest_kick_vanishes_with_the_square_root_at_a_fold():
 def test_parts_are_left_where_a_line_says():
     """Values that fall as 1 - x; with an error of the shares, or a quarter of a step."""
     x = np.linspace(0.0, 1.0, 11)
-    assert where_left(x, 1.0 - x, 0.75, 0) == pytest.approx((0.25, 0.025))
-    place, error = where_left(-x, 0.5 * (1.0 - x), 0.5, 100)
+    assert study.where_left(x, 1.0 - x, 0.75, 0) == pytest.approx((0.25, 0.025))
+    place, error = study.where_left(-x, 0.5 * (1.0 - x), 0.5, 100)
     assert place == pytest.approx(-0.5)
     # The share at 0.6 is 0.2 and at 0 is 0.5; the line falls by 0.5 in 1.
     assert error == pytest.approx(2.0 * math.sqrt(0.25 * 0.0025 + 0.0016))
-    assert np.isnan(where_left(x, 1.0 + x, 0.9, 0)).all()
+    assert np.isnan(study.where_left(x, 1.0 + x, 0.9, 0)).all()

@@ -80,31 +80,36 @@ def fit_power_law(sizes: FloatArray, cut: IntArray, probes: IntArray) -> PowerLa
     """
     Fit the share of cut probes over the widest range of sizes in which it is a power law.
 
-    Of all ranges whose chi^2 chance would exceed in one of twenty cases the one with the most
-    sizes is taken, of several the one of the smallest; where there is none, the most likely of
-    the shortest. None where too few probes are cut.
+    A range is one where chance exceeds chi^2 in one of twenty cases at least and a parabola bends
+    by no more than its error: a law that ends within a range bends, long before chi^2 shows it.
+    Of several with the most sizes that of the smallest is taken; where there is none, the most
+    likely of the shortest. None where too few probes are cut.
     """
     use = (cut >= CUT_LEAST) & (cut < probes)
     order = np.argsort(sizes[use])
     x, n, k = np.log(sizes[use][order]), probes[use][order], cut[use][order]
-    y, weights = np.log(k / n), n * k / (n - k)
-    fits = [_line(*(each[first:first + length] for each in (x, y, weights)))
-            for length in range(len(x), SIZES_LEAST - 1, -1)
-            for first in range(len(x) - length + 1)]
-    good = [law for law in fits if law.probability >= PROBABILITY_LEAST]
-    shortest = (law for law in fits if law.freedom == SIZES_LEAST - 2)
-    return good[0] if good else max(shortest, key=lambda law: law.probability, default=None)
+    y, weights = np.log(k / n), np.sqrt(n * k / (n - k))
+    shortest = []
+    for length in range(len(x), SIZES_LEAST - 1, -1):
+        for first in range(len(x) - length + 1):
+            law, is_straight = _line(*(each[first:first + length] for each in (x, y, weights)))
+            if law.probability >= PROBABILITY_LEAST and is_straight:
+                return law
+            if length == SIZES_LEAST:
+                shortest.append(law)
+    return max(shortest, key=lambda law: law.probability, default=None)
 
 
-def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> PowerLaw:
-    x_mean, y_mean = np.average(x, weights=weights), np.average(y, weights=weights)
-    spread = np.sum(weights * (x - x_mean)**2)
-    slope = np.sum(weights * (x - x_mean) * y) / spread
-    chi_squared = float(np.sum(weights * (y - y_mean - slope * (x - x_mean))**2))
+def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[PowerLaw, bool]:
+    """Fit a line, and find whether a parabola is as good."""
+    (slope, offset), covariance = np.polyfit(x, y, 1, w=weights, cov='unscaled')
+    chi_squared = float(np.sum((weights * (y - offset - slope * x))**2))
     freedom = len(x) - 2
+    (bend, *_), variances = np.polyfit(x, y, 2, w=weights, cov='unscaled')
     return PowerLaw(
-        float(slope), math.sqrt(max(1.0, chi_squared / freedom) / spread),
-        math.exp(y_mean - slope * x_mean), math.exp(x[0]), math.exp(x[-1]), chi_squared, freedom)
+        float(slope), math.sqrt(max(1.0, chi_squared / freedom) * covariance[0, 0]),
+        math.exp(offset), math.exp(x[0]), math.exp(x[-1]), chi_squared, freedom
+        ), bool(bend**2 <= variances[0, 0])
 
 
 def chance(chi_squared: float, freedom: int) -> float:

@@ -12,17 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether three basins or more share one boundary, as lakes of Wada do: two tests."""
+"""Whether three basins or more share one boundary, as lakes of Wada do: three tests."""
 
 import itertools
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from .uncertainty import Label, Window
-from ..arrays import IntArray
+from ..arrays import FloatArray, IntArray
 
 Mask = npt.NDArray[np.bool_]
+# Where an unstable manifold begins, and its points that are labelled on either side [1].
+BESIDE: Final = 1e-7
+POINTS: Final = 2000
 
 
 def merge_basins(labels: IntArray, basins: list[int], reach: int) -> list[float]:
@@ -83,3 +87,18 @@ def refine_boundary(label: Label, window: Window, labels: IntArray, basins: list
             seen[left] |= (new[..., None] == basins).any(axis=1)
         shares.append(float(np.mean(seen.all(axis=1))) if len(pairs) else 0.0)
     return shares
+
+
+def follow_unstable(label: Label, point: FloatArray, direction: FloatArray, expansion: float,
+                    basins: list[int]) -> list[float]:
+    """
+    Return the share of each basin along the unstable manifold of a saddle.
+
+    If that of the orbit accessible from a basin meets all others, each point of this basin's
+    boundary is one of theirs, too (Nusse & Yorke 1996). Labels do not change under the map, so
+    those of one period, as far as the `expansion` [1], are those of the whole curve.
+    """
+    places = (np.arange(POINTS) + 0.5) / POINTS
+    beside = np.outer(BESIDE * abs(expansion)**places, [1.0, -1.0]).ravel()
+    labels = label(*(point + beside[:, None] * direction).T)
+    return [float(np.mean(labels == basin)) for basin in basins]
