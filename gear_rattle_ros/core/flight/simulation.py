@@ -38,7 +38,7 @@ from .closed_form import (
 )
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import search_impact
-from .noise import gaussian
+from .noise import draw, JITTER, Noise
 from ..arrays import Record, RecordArray, Whole
 from ..compiled import kernel
 from ..model import EVENT, EventArray, EventKind, Parameters, require_finite, State
@@ -53,7 +53,8 @@ TRAJECTORY: Final = np.dtype([
     ('velocity', np.float64), ('rests', np.bool_), ('searched', np.float64), ('effort', np.int64),
     ('wall', np.int64), ('impact_velocity', np.float64), ('index', np.int64), ('epoch', np.int64),
     ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
-    ('restitution', np.float64), ('noise', np.float64), ('seed', np.uint64),
+    ('restitution', np.float64), ('noise', np.float64), ('noise_kind', np.int64),
+    ('seed', np.uint64),
 ], align=True)
 
 
@@ -115,7 +116,8 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
         periods, t.phase = later(t.phase, t.searched)
         t.cycle += periods
         t.index += 1
-        kick = t.noise * gaussian(t.seed, t.index) if t.noise > 0.0 else 0.0
+        kick = (t.noise * draw(t.noise_kind, t.seed, t.index)
+                if t.noise > 0.0 and t.noise_kind != JITTER else 0.0)
         t.velocity = rebound(before, t.phase, model, kick)
         t.displacement = 0.0 if t.wall == UPPER else -1.0
         settle(t)
@@ -152,6 +154,9 @@ class Simulation:
         Standard deviation of the Gaussian kick that an impact adds to the velocity [1].
     seed : int
         Seed of the noise; every impact has its own draw. Out of range, both raise ValueError.
+    kind : Noise
+        Whether kicks are Gaussian or uniform; with JITTER there are none, for it is made by
+        retunes.
 
     Notes
     -----
@@ -162,7 +167,7 @@ class Simulation:
     """
 
     def __init__(self, parameters: Parameters, initial: State, *, noise: float = 0.0,
-                 seed: int = 0) -> None:
+                 seed: int = 0, kind: Noise = Noise.GAUSSIAN) -> None:
         self._trajectory = np.zeros(1, TRAJECTORY)
         t = self._trajectory[0]
         t['cycle'], t['phase'] = initial.cycle, initial.phase
@@ -171,6 +176,7 @@ class Simulation:
         self._write_parameters(parameters)
         self.noise = noise
         self.seed = seed
+        t['noise_kind'] = kind
         settle(t)
         self._waiting = self._record(EventKind.RESET, initial.velocity)
 
