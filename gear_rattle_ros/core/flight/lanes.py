@@ -286,9 +286,11 @@ def advance_kicked(tile: Record, impacts: RecordArray, noise: float, kind: int, 
                 impact.cycle, impact.phase = tile.cycle[i], tile.phase[i]
                 impact.velocity = tile.impact_velocity[i]
                 tile.count[i] += 1
-                tile.velocity[i] = rebound(
-                    impact.velocity, impact.phase, model_in(tile, i),
-                    noise * draw(kind, seeds[n], made[n]))
-                settle(tile, i)
-            elif special > 0 and tile.is_special[i] != 0:
+                kick = noise * draw(kind, seeds[n], made[n])
+                if kick != 0.0:
+                    # The flight begins here, and `step` has evaluated all else of it.
+                    tile.velocity[i] = tile.velocity_now[i] = rebound(
+                        impact.velocity, impact.phase, model_in(tile, i), kick)
+                    continue
+            if special > 0 and tile.is_special[i] != 0:
                 attend(tile, i)
