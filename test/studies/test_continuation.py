@@ -15,10 +15,13 @@
 """Changes of orbits against closed forms and eq. (9), ends of chaos against the crisis."""
 
 import dataclasses
+import itertools
 import math
 
+import mpmath
 import numpy as np
 import pytest
+import scipy.optimize
 
 from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.finding import find_attractors
@@ -30,13 +33,15 @@ from gear_rattle_ros.core.many.recognition import find_orbit
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Model, Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
-from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact
+from gear_rattle_ros.core.orbits.impact_map import derivatives, next_impact, parameter_derivatives
 from gear_rattle_ros.core.orbits.letters import LETTERS
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
+from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset
 from gear_rattle_ros.studies.endings import find_end, returns, spread_out, watch
 
 B, G, R = 0.1, 0.1, 0.9
+ALPHA = Path.over(alpha=(0.4, 0.6))
 
 
 def orbits_of(parameters, trajectories=64):
@@ -81,14 +86,16 @@ def test_derivatives_against_differences_and_eq_9():
     wall, phase, velocity, alpha = UPPER, 4.2, 1.1, 1.23
     model = Model(alpha, B, G, R)
     _, _, phase_1, velocity_1, d = next_impact(wall, phase, velocity, model)
-    exact = np.array(derivatives(phase, velocity, d, phase_1, velocity_1, model)).reshape(2, 3)
+    exact = np.column_stack([
+        np.array(derivatives(phase, velocity, d, phase_1, velocity_1, model)).reshape(2, 2),
+        np.transpose(parameter_derivatives(phase, velocity, d, phase_1, velocity_1, model))])
     h = 1e-6
-    for k in range(3):
+    for k in range(6):
         ends = []
         for sign in (1.0, -1.0):
-            x = np.array([phase, velocity, alpha])
+            x = np.array([phase, velocity, *model])
             x[k] += sign * h
-            ends.append(np.array(next_impact(wall, x[0], x[1], Model(x[2], B, G, R))[2:4]))
+            ends.append(np.array(next_impact(wall, x[0], x[1], Model(*x[2:]))[2:4]))
         assert exact[:, k] == pytest.approx((ends[0] - ends[1]) / (2.0 * h), rel=1e-6, abs=1e-7)
     paper = jacobian_of_the_paper(phase, velocity, phase_1, velocity_1, d, alpha)
     assert exact[:, :2] == pytest.approx(paper, rel=1e-12)
@@ -101,8 +108,35 @@ def test_a_ring_is_solved_as_the_whole_system_is():
     shot = fire(orbit.walls, orbit.points, orbit.parameters)
     rng = np.random.default_rng(1)
     defects, row = rng.normal(size=6), rng.normal(size=7)
-    whole = np.linalg.solve(np.vstack([shot.jacobian, row]), np.append(defects, 0.7))
-    assert solve_ring(shot, defects, row, 0.7) == pytest.approx(whole, rel=1e-10)
+    direction = np.array([0.3, -1.0, 0.2, 0.5])
+    whole = np.column_stack([shot.jacobian, shot.by_parameters @ direction])
+    whole = np.linalg.solve(np.vstack([whole, row]), np.append(defects, 0.7))
+    assert solve_ring(shot, direction, defects, row, 0.7) == pytest.approx(whole, rel=1e-10)
+
+
+@pytest.mark.parametrize('beta', [0.0, 1e-9, 0.1, 0.9, 3.0])
+def test_derivatives_by_the_parameters_in_50_digits(beta):
+    phase, velocity, gamma, alpha, r = 4.2, 1.1, 0.05, 0.8, 0.7
+    model = Model(alpha, beta, gamma, r)
+    _, _, phase_1, velocity_1, d = next_impact(UPPER, phase, velocity, model)
+
+    def flight(d, alpha, beta, gamma, r):
+        # Displacement and velocity after take-off, eqs. (4)-(5); beta is not zero.
+        decay = mpmath.exp(-beta * d)
+        integral = (1 - decay) / beta
+        slow = -r * velocity - alpha * mpmath.cos(phase)
+        return (slow * integral + gamma * (d - integral) / beta
+                + alpha * (mpmath.sin(phase + d) - mpmath.sin(phase)),
+                slow * decay + gamma * integral + alpha * mpmath.cos(phase + d))
+
+    with mpmath.workdps(80):
+        there = [d, alpha, mpmath.mpf(beta or 1e-30), gamma, r]
+        by_time, *by = (tuple(mpmath.diff(lambda *x, which=which: flight(*x)[which], there, tuple(
+            int(k == n) for k in range(5))) for which in (0, 1)) for n in range(5))
+        later = [-moved / by_time[0] for moved, _ in by]
+        exact = [[float(t), float(v + by_time[1] * t)] for t, (_, v) in zip(later, by)]
+    found = parameter_derivatives(phase, velocity, d, phase_1, velocity_1, model)
+    assert np.array(found) == pytest.approx(np.array(exact), rel=1e-13)
 
 
 def test_multipliers_obey_the_exact_determinant():
@@ -116,25 +150,25 @@ def test_multipliers_obey_the_exact_determinant():
 
 def test_b_doubles_where_its_multiplier_is_minus_one():
     orbit = orbits_at(0.48)[2, 0.9]
-    branch = follow(orbit, 1.0, 0.4, 0.6)
+    branch = follow(orbit, ALPHA, 1.0, 0.4, 0.6)
     assert [turn.change for turn in branch.turns] == [Change.DOUBLING]
     turn = branch.turns[0]
-    assert 0.52 < turn.alpha < 0.53
+    assert 0.52 < turn.value < 0.53
     nearest = min(multipliers_of_the_paper(turn.orbit), key=lambda m: abs(m + 1.0))
     assert nearest == pytest.approx(-1.0, abs=1e-6)
     # On either side of it, what many trajectories settle on.
-    before, after = orbits_at(turn.alpha - 1e-3), orbits_at(turn.alpha + 1e-3)
+    before, after = orbits_at(turn.value - 1e-3), orbits_at(turn.value + 1e-3)
     assert {key[0] for key in before} == {2, 3} and {key[0] for key in after} == {3, 4}
 
 
 def test_folds_are_where_the_multiplier_is_one_and_nothing_is_beyond():
     orbit = orbits_at(0.505)[3, 1.0]
-    fold = follow(orbit, -1.0, 0.4, 0.6).turns[0]
+    fold = follow(orbit, ALPHA, -1.0, 0.4, 0.6).turns[0]
     assert fold.change is Change.FOLD
     nearest = min(multipliers_of_the_paper(fold.orbit), key=lambda m: abs(m - 1.0))
     assert nearest == pytest.approx(1.0, abs=1e-6)
-    assert 0.49 < fold.alpha < 0.5
-    beyond = close_orbit(orbit.walls, fold.orbit.points, Parameters(alpha=fold.alpha - 1e-4))
+    assert 0.49 < fold.value < 0.5
+    beyond = close_orbit(orbit.walls, fold.orbit.points, Parameters(alpha=fold.value - 1e-4))
     assert beyond is None
 
 
@@ -165,18 +199,57 @@ def test_one_impact_in_closed_form(beta, gamma, r, periods):
     fold, doubling = fold_and_doubling(beta, gamma, r, periods)
     alpha = fold + 0.3 * (doubling - fold)
     v, c = one_impact(beta, gamma, r, periods)
-    parameters = Parameters(alpha, beta, gamma, r)
-    orbit = next(orbit for phase in (math.acos(c / alpha), -math.acos(c / alpha))
-                 for orbit in [close_orbit([UPPER], [[phase % (2.0 * math.pi), v]], parameters)]
-                 if orbit is not None and orbit.is_stable)
+    orbit = stable_one(Parameters(alpha, beta, gamma, r), v, c)
+    path = Path.over(orbit.parameters, alpha=(0.0, 9.0))
     for direction, change, exact in ((-1.0, Change.FOLD, fold), (1.0, Change.DOUBLING, doubling)):
-        turn, = follow(orbit, direction, 0.0, 9.0, to_first_turn=True).turns
+        turn, = follow(orbit, path, direction, 0.0, 9.0, to_first_turn=True).turns
         assert turn.change is change
-        assert abs(turn.alpha - exact) <= turn.uncertainty <= 1e-9
+        assert abs(turn.value - exact) <= turn.uncertainty <= 1e-9
     # The fold is passed, the doubling not met again: the saddle goes up beside the orbit.
-    both = follow(orbit, -1.0, 0.0, alpha)
+    both = follow(orbit, path, -1.0, 0.0, alpha)
     assert [turn.change for turn in both.turns] == [Change.FOLD]
     assert both.orbits[-1].multipliers[0].real > 1.0
+
+
+def stable_one(parameters, v, c):
+    """Close the stable one of the two orbits of one impact in a drive period."""
+    angle = math.acos(c / parameters.alpha)
+    return next(orbit for phase in (angle, -angle) for orbit in [
+        close_orbit([UPPER], [[phase % (2.0 * math.pi), v]], parameters)]
+        if orbit is not None and orbit.is_stable)
+
+
+@pytest.mark.parametrize('windows', [
+    {'beta': (0.02, 1.0)}, {'gamma': (0.01, 0.3)}, {'restitution': (0.3, 0.95)},
+    {'beta': (0.02, 0.9), 'gamma': (0.02, 0.3)},
+    {'alpha': (0.05, 0.07), 'beta': (0.3, 0.05), 'gamma': (0.2, 0.04), 'restitution': (0.9, 0.7)}])
+def test_one_impact_in_closed_form_on_any_path(windows):
+    """Where the closed form says that alpha is that of the fold, or of the doubling."""
+    path = Path.over(Parameters(0.08, 0.1, 0.1, 0.9), **windows)
+
+    def beyond(value, which):
+        p = path.at(value)
+        return fold_and_doubling(p.beta, p.gamma, p.restitution, 1)[which] - p.alpha
+
+    grid = path.values(400)
+    places = [scipy.optimize.brentq(beyond, a, b, (which,), xtol=1e-15, rtol=1e-15)
+              for which in (0, 1) for a, b in itertools.pairwise(grid)
+              if beyond(a, which) * beyond(b, which) < 0.0]
+    assert places
+    inside = next(v for v in grid if beyond(v, 0) < 0.0 < beyond(v, 1))
+    p = path.at(inside)
+    orbit = stable_one(p, *one_impact(p.beta, p.gamma, p.restitution, 1))
+    for direction in (-1.0, 1.0):
+        next_one = min((place for place in places if direction * (place - inside) > 0.0),
+                       key=lambda place: direction * place, default=None)
+        turns = follow(orbit, path, direction, *path.ends, to_first_turn=True).turns
+        if next_one is None:
+            assert not turns or not path.ends[0] <= turns[0].value <= path.ends[1]
+            continue
+        assert turns[0].change is (Change.FOLD if abs(beyond(next_one, 0)) < 1e-9
+                                   else Change.DOUBLING)
+        assert abs(turns[0].value - next_one) <= turns[0].uncertainty <= 1e-9 * path.unit
+        assert path.of(turns[0].orbit.parameters) == pytest.approx(turns[0].value, abs=1e-14)
 
 
 @pytest.mark.parametrize('r, pitchfork', [
@@ -184,15 +257,16 @@ def test_one_impact_in_closed_form(beta, gamma, r, periods):
 def test_two_impacts_lose_their_symmetry(r, pitchfork):
     """Without load and drag: the fold in closed form, and no fold where a pair is born."""
     orbit = next(o for o in orbits_of(Parameters(0.3, 0.0, 0.0, r)) if o.impacts == 2)
-    fold, = follow(orbit, -1.0, 0.0, 1.0, to_first_turn=True).turns
+    path = Path.over(orbit.parameters, alpha=(0.0, 1.0))
+    fold, = follow(orbit, path, -1.0, 0.0, 1.0, to_first_turn=True).turns
     assert fold.change is Change.FOLD
     exact = 1.0 / math.hypot(2.0, math.pi * (1.0 + r) / (1.0 - r))
-    assert abs(fold.alpha - exact) <= fold.uncertainty <= 1e-9
-    change, = follow(orbit, 1.0, 0.0, 1.0, to_first_turn=True).turns
+    assert abs(fold.value - exact) <= fold.uncertainty <= 1e-9
+    change, = follow(orbit, path, 1.0, 0.0, 1.0, to_first_turn=True).turns
     assert change.change is Change.PITCHFORK
     # The published value has ten digits.
-    assert abs(change.alpha - pitchfork) <= change.uncertainty + 5e-11 <= 1e-9
-    pair = leaving(change)
+    assert abs(change.value - pitchfork) <= change.uncertainty + 5e-11 <= 1e-9
+    pair = leaving(path, change)
     assert len(pair) == 2 and all(one.is_stable for one in pair)
     assert not same_orbit(*pair, 1e-4)
     mirror = dataclasses.replace(
@@ -200,18 +274,18 @@ def test_two_impacts_lose_their_symmetry(r, pitchfork):
             [np.mod(pair[1].points[:, 0] + math.pi, 2.0 * math.pi), -pair[1].points[:, 1]], 1))
     assert same_orbit(pair[0], mirror, 1e-8)
     # Seen from one of the pair it is the same place and the same orbit.
-    far = follow(pair[0], 1.0, 0.0, change.alpha + 0.01).orbits[-1]
-    birth, = follow(far, -1.0, 0.0, 1.0, to_first_turn=True).turns
+    far = follow(pair[0], path, 1.0, 0.0, change.value + 0.01).orbits[-1]
+    birth, = follow(far, path, -1.0, 0.0, 1.0, to_first_turn=True).turns
     assert birth.change is Change.PITCHFORK
-    assert birth.alpha == pytest.approx(change.alpha, abs=1e-9)
+    assert birth.value == pytest.approx(change.value, abs=1e-9)
 
 
 def test_a_doubled_orbit_is_born_where_the_other_doubles():
-    doubling = follow(orbits_at(0.48)[2, 0.9], 1.0, 0.4, 0.6, to_first_turn=True).turns[0]
+    doubling = follow(orbits_at(0.48)[2, 0.9], ALPHA, 1.0, 0.4, 0.6, to_first_turn=True).turns[0]
     four = next(orbit for key, orbit in orbits_at(0.535).items() if key[0] == 4)
-    birth, = follow(four, -1.0, 0.4, 0.6, to_first_turn=True).turns
+    birth, = follow(four, ALPHA, -1.0, 0.4, 0.6, to_first_turn=True).turns
     assert (birth.change, birth.orbit.impacts) == (Change.DOUBLING, 2)
-    assert birth.alpha == pytest.approx(doubling.alpha, abs=1e-9)
+    assert birth.value == pytest.approx(doubling.value, abs=1e-9)
 
 
 def events(tmp_path, words):

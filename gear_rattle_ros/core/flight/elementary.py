@@ -192,3 +192,16 @@ def relaxation(d: float, beta: float) -> tuple[float, float, float]:
     decay = exp_minus(x)
     integral = (1.0 - decay) / beta
     return decay, integral, (d - integral) / beta
+
+
+@kernel
+def relaxation_third(d: float, beta: float, second: float) -> float:
+    """Return ``(d^2/2 - C)/beta`` for d >= 0, given the C of `relaxation`."""
+    x = beta * d
+    if abs(x) >= 1.0:
+        return (0.5 * d * d - second) / beta
+    # The sum of (-x)^k/(k + 3)!.
+    total = 1.0
+    for k in range(20, 3, -1):
+        total = 1.0 - x * total / k
+    return d * d * d * total / 6.0

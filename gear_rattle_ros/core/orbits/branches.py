@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Families of periodic orbits followed in alpha, and the orbits that leave them."""
+"""Families of periodic orbits followed along a path, and the orbits that leave them."""
 
 from collections.abc import Callable
 import dataclasses
@@ -28,7 +28,8 @@ from .orbit import fire, Orbit, orbit_at, same_orbit, Shot, solve_ring
 from .section import turn as turned
 from ..arrays import FloatArray
 from ..flight.elementary import TWO_PI
-from ..model import ALPHA_MAXIMUM, Parameters
+from ..model import Parameters
+from ..path import Path
 
 FIRST_STEP: Final = 2e-3
 SHORTEST_STEP: Final = 1e-10
@@ -42,7 +43,8 @@ ROOT_STEPS: Final = 100
 ASIDE: Final = (1e-3, 3e-4, 1e-4, 3e-5)
 # Orbits that diverge at a change are distinguished beyond this [rad, 1].
 APART: Final = 1e-6
-# Where a branch is born is first known to this: in alpha [1], and in the orbit it left [rad, 1].
+# Where a branch is born is first known to this: in the parameters [1], and in the orbit that it
+# left [rad, 1].
 NEAR: Final = 1e-3
 MIDDLE: Final = 0.1
 
@@ -51,8 +53,8 @@ class Change(enum.Enum):
     """What happens to an orbit on its branch."""
 
     # A pair of multipliers never reaches the unit circle: its product is below 1 along the branch.
-    FOLD = 'fold'  # alpha turns round
-    PITCHFORK = 'pitchfork'  # a multiplier is +1 though alpha does not turn round
+    FOLD = 'fold'  # the branch turns round on the path
+    PITCHFORK = 'pitchfork'  # a multiplier is +1 though it does not turn round
     DOUBLING = 'doubling'  # a multiplier is -1
     GRAZING = 'grazing'  # the orbit ends, as an impact would be lost or gained
 
@@ -62,8 +64,8 @@ class Turn:
     """A place on a branch where the orbit changes."""
 
     change: Change
-    alpha: float
-    uncertainty: float  # of alpha [1]
+    value: float  # the coordinate of the path [1]
+    uncertainty: float  # of it [1]
     orbit: Orbit  # there, or the last one before
 
 
@@ -79,6 +81,8 @@ class Branch:
 class _Point:
     walls: npt.NDArray[np.int64]
     x: FloatArray
+    path: Path
+    value: float
     parameters: Parameters
     # Whether to stay among orbits that are their own mirror image: where others leave them,
     # they are regular only so.
@@ -86,7 +90,7 @@ class _Point:
 
     @property
     def vector(self) -> FloatArray:
-        return np.append(self.x.ravel(), self.parameters.alpha)
+        return np.append(self.x.ravel(), self.value)
 
     @property
     def shot(self) -> Shot | None:
@@ -97,11 +101,16 @@ class _Point:
         return orbit_at(self.walls, self.x, self.parameters)
 
     def at(self, vector: FloatArray) -> '_Point | None':
-        alpha = float(vector[-1])
-        if not 0.0 <= alpha <= ALPHA_MAXIMUM:
+        value = float(vector[-1])
+        try:
+            parameters = self.path.at(value)
+        except ValueError:
             return None
-        return dataclasses.replace(self, x=vector[:-1].reshape(-1, 2),
-                                   parameters=dataclasses.replace(self.parameters, alpha=alpha))
+        return dataclasses.replace(self, x=vector[:-1].reshape(-1, 2), value=value,
+                                   parameters=parameters)
+
+    def solve(self, shot: Shot, defects: FloatArray, row: FloatArray, right: float) -> FloatArray:
+        return self.kept(solve_ring(shot, self.path.direction, defects, row, right))
 
     def kept(self, change: FloatArray) -> FloatArray:
         if not self.mirrored:
@@ -111,12 +120,15 @@ class _Point:
         return np.append(0.5 * (points + image), change[-1])
 
 
-def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: float = 0.02,
-           most: int = 2000, to_first_turn: bool = False) -> Branch:
-    """Follow a periodic orbit in alpha by pseudo-arclength, through folds."""
-    # `direction` is the sign of the first step. It stops outside [low, high], after `most` orbits,
-    # or at the first change; `longest` bounds a step [1] in all coordinates together.
-    here = _Point(orbit.walls, orbit.points, orbit.parameters, is_own_image(orbit))
+def follow(orbit: Orbit, path: Path, direction: float, low: float = -math.inf,
+           high: float = math.inf, *, longest: float = 0.02, most: int = 2000,
+           to_first_turn: bool = False) -> Branch:
+    """Follow a periodic orbit along a path by pseudo-arclength, through folds."""
+    # `direction` is the sign of the first step. It stops outside [low, high] on the path, after
+    # `most` orbits, or at the first change; `longest` bounds a step [1] in all coordinates
+    # together.
+    here = _Point(orbit.walls, orbit.points, path, path.of(orbit.parameters), orbit.parameters,
+                  'gamma' not in path.varied and is_own_image(orbit))
     ahead = np.zeros(len(here.vector))
     ahead[-1] = direction
     tangent = _tangent(here, ahead)
@@ -131,18 +143,17 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: 
                 continue
             beyond = here.at(here.vector + 100.0 * SHORTEST_STEP * tangent)
             if beyond is not None and beyond.shot is None:
-                turns.append(Turn(Change.GRAZING, here.parameters.alpha, 10.0 * SHORTEST_STEP,
-                                  orbits[-1]))
+                turns.append(Turn(Change.GRAZING, here.value, 10.0 * SHORTEST_STEP, orbits[-1]))
             break
         following = _tangent(reached, tangent)
         folds = tangent[-1] * following[-1] < 0.0
         ends = tangent, step, orbits[-1], found, following
-        # A multiplier is +1 at a fold as well. Where it is so alone, a branch leaves; where alpha
-        # turns round alone, this one was born from another.
+        # A multiplier is +1 at a fold as well. Where it is so alone, a branch leaves; where the
+        # branch turns round alone, it was born from another.
         one = _passes(orbits[-1], found, 1.0)
         if folds:
             fold = _locate(Change.FOLD, here, *ends)
-            turns.append(fold if one else _birth(fold))
+            turns.append(fold if one else _birth(path, fold))
         elif one:
             turns.append(_locate(Change.PITCHFORK, here, *ends))
         if _passes(orbits[-1], found, -1.0):
@@ -150,15 +161,15 @@ def follow(orbit: Orbit, direction: float, low: float, high: float, *, longest: 
         orbits.append(found)
         here, tangent = reached, following
         step = min(1.4 * step, longest)
-        if not low <= here.parameters.alpha <= high or to_first_turn and turns:
+        if not low <= here.value <= high or to_first_turn and turns:
             break
     return Branch(tuple(orbits), tuple(turns))
 
 
-def leaving(turn: Turn) -> list[Orbit]:
+def leaving(path: Path, turn: Turn) -> list[Orbit]:
     """Find the orbits that leave a branch at a doubling or a pitchfork, close to it."""
-    # That is one of twice the period, or two that are mirror images of each other, on the side of
-    # alpha where they exist; stable ones if there are any.
+    # That is one of twice the period, or two that are mirror images of each other, on the side
+    # where they exist; stable ones if there are any.
     old = turn.orbit
     turns = 2 if turn.change is Change.DOUBLING else 1
     shot = fire(old.walls, old.points, old.parameters)
@@ -172,7 +183,8 @@ def leaving(turn: Turn) -> list[Orbit]:
         aside = shot.blocks[k % q] @ aside
     tangent = np.append(np.ravel(moved), 0.0)
     tangent /= np.linalg.norm(tangent)
-    there = _Point(np.tile(old.walls, turns), np.tile(old.points, (turns, 1)), old.parameters)
+    there = _Point(np.tile(old.walls, turns), np.tile(old.points, (turns, 1)), path, turn.value,
+                   old.parameters)
     best: list[Orbit] = []
     for step in ASIDE:
         # Half a period on, the doubled orbit lies on the other side: it is one and the same.
@@ -197,12 +209,12 @@ def _tangent(point: _Point, ahead: FloatArray) -> FloatArray:
     shot = point.shot
     assert shot is not None
     try:
-        tangent = solve_ring(shot, np.zeros(len(ahead) - 1), ahead, 1.0)
+        tangent = point.solve(shot, np.zeros(len(ahead) - 1), ahead, 1.0)
     except np.linalg.LinAlgError:
         # The first direction may lie across the branch.
-        tangent = np.linalg.svd(shot.jacobian)[2][-1]
-        tangent = tangent if tangent @ ahead >= 0.0 else -tangent
-    tangent = point.kept(tangent)
+        along = shot.by_parameters @ point.path.direction
+        tangent = np.linalg.svd(np.column_stack([shot.jacobian, along]))[2][-1]
+        tangent = point.kept(tangent if tangent @ ahead >= 0.0 else -tangent)
     return np.asarray(tangent / np.linalg.norm(tangent))
 
 
@@ -216,7 +228,7 @@ def _correct(point: _Point, tangent: FloatArray, step: float, room: float = 0.0)
         if shot is None:
             return None
         try:
-            change = point.kept(solve_ring(shot, shot.defects, tangent, 0.0))
+            change = point.solve(shot, shot.defects, tangent, 0.0)
         except np.linalg.LinAlgError:
             return None
         vector = vector - change
@@ -237,26 +249,27 @@ def _passes(before: Orbit, after: Orbit, sign: float) -> bool:
     return _test(before, sign) * _test(after, sign) < 0.0
 
 
-def _birth(turn: Turn) -> Turn:
+def _birth(path: Path, turn: Turn) -> Turn:
     # Here an orbit nearly covers the one that it left, or is nearly its own mirror image.
     orbit, half = turn.orbit, turn.orbit.impacts // 2
     ahead = np.roll(orbit.points, -half, axis=0)
     image = ahead * (1.0, -1.0) - (math.pi, 0.0)
-    at_alpha = np.append(np.zeros(orbit.points.size), 1.0)
-    for other, length in ((ahead, half), (image, 2 * half)):
+    at_value = np.append(np.zeros(orbit.points.size), 1.0)
+    for other, length in ((ahead, half), (image, 2 * half))[:1 if 'gamma' in path.varied else 2]:
         apart = other - orbit.points
         apart[:, 0] = turned(apart[:, 0])
         guess = _Point(orbit.walls[:length], (orbit.points + 0.5 * apart)[:length],
-                       orbit.parameters, other is image)
-        reached = _correct(guess, at_alpha[-2 * length - 1:], 0.0, MIDDLE)
+                       path, turn.value, orbit.parameters, other is image)
+        reached = _correct(guess, at_value[-2 * length - 1:], 0.0, MIDDLE)
         parent = None if reached is None else reached.orbit
         if parent is None or other is image and not is_own_image(parent):
             continue
         for direction in (1.0, -1.0):
-            branch = follow(parent, direction, turn.alpha - NEAR, turn.alpha + NEAR,
+            near = NEAR * path.unit
+            branch = follow(parent, path, direction, turn.value - near, turn.value + near,
                             to_first_turn=True)
             for found in branch.turns:
-                if abs(found.alpha - turn.alpha) < NEAR and found.change is not Change.FOLD:
+                if abs(found.value - turn.value) < near and found.change is not Change.FOLD:
                     return found
     return turn
 
@@ -265,27 +278,30 @@ def _locate(change: Change, here: _Point, tangent: FloatArray, step: float, befo
             after: Orbit, following: FloatArray) -> Turn:
     sign = -1.0 if change is Change.DOUBLING else 1.0
 
-    def look(at: float) -> tuple[float, Orbit] | None:
+    def look(at: float) -> tuple[float, float, Orbit] | None:
         reached = _correct(here, tangent, at)
         orbit = None if reached is None else reached.orbit
         if reached is None or orbit is None:
             return None
         value = (float(_tangent(reached, tangent)[-1]) if change is Change.FOLD
                  else _test(orbit, sign))
-        return value, orbit
+        return value, reached.value, orbit
 
     ends = ((float(tangent[-1]), float(following[-1])) if change is Change.FOLD
             else (_test(before, sign), _test(after, sign)))
-    at, uncertainty = _root(look, (0.0, ends[0], before), (step, ends[1], after))
-    return Turn(change, at.parameters.alpha, max(uncertainty, ROUNDING), at)
+    path = here.path
+    uncertainty, value, at = _root(look, (0.0, ends[0], here.value), (
+        step, ends[1], path.of(after.parameters), after))
+    return Turn(change, value, max(uncertainty, ROUNDING * path.unit), at)
 
 
-def _root(look: Callable[[float], tuple[float, Orbit] | None], low: tuple[float, float, Orbit],
-          high: tuple[float, float, Orbit]) -> tuple[Orbit, float]:
-    # Regula falsi, halving the value at an end that stays (Illinois); what is left, in alpha.
-    (a, fa, before), (b, fb, after) = low, high
-    seen = (fb, after)
-    rate = (after.parameters.alpha - before.parameters.alpha) / (fb - fa)
+def _root(look: Callable[[float], tuple[float, float, Orbit] | None],
+          low: tuple[float, float, float], high: tuple[float, float, float, Orbit]
+          ) -> tuple[float, float, Orbit]:
+    # Regula falsi, halving the value at an end that stays (Illinois); what is left on the path.
+    (a, fa, before), (b, fb, after, orbit) = low, high
+    seen = fb, after, orbit
+    rate = (after - before) / (fb - fa)
     side = 0
     for _ in range(ROOT_STEPS):
         middle = (a * fb - b * fa) / (fb - fa)
@@ -295,7 +311,7 @@ def _root(look: Callable[[float], tuple[float, Orbit] | None], low: tuple[float,
         if found is None:
             break
         if found[0] != seen[0]:
-            rate = (found[1].parameters.alpha - seen[1].parameters.alpha) / (found[0] - seen[0])
+            rate = (found[1] - seen[1]) / (found[0] - seen[0])
         seen = found
         if seen[0] * fb > 0.0:
             b, fb, fa, side = middle, seen[0], fa * (0.5 if side > 0 else 1.0), 1
@@ -303,4 +319,4 @@ def _root(look: Callable[[float], tuple[float, Orbit] | None], low: tuple[float,
             a, fa, fb, side = middle, seen[0], fb * (0.5 if side < 0 else 1.0), -1
         if abs(seen[0]) < CLOSED:
             break
-    return seen[1], abs(seen[0] * rate)
+    return abs(seen[0] * rate), *seen[1:]

@@ -22,7 +22,7 @@ from .section import turn_of
 from ..arrays import FloatArray, IntArray
 from ..compiled import kernel
 from ..flight.closed_form import acceleration, later, LEG, NO_WALL, sticks, UPPER, wall_of
-from ..flight.elementary import relaxation, sine_cosine, TWO_PI
+from ..flight.elementary import relaxation, relaxation_third, sine_cosine, TWO_PI
 from ..flight.first_impact import search_impact
 from ..model import Model
 
@@ -43,7 +43,7 @@ def next_impact(wall: int, phase: float, velocity: float,
 @kernel
 def derivatives(phase: float, velocity: float, d: float, phase_next: float, velocity_next: float,
                 model: Model) -> tuple[float, ...]:
-    """Differentiate an impact by the phase and velocity of the one before, and by alpha."""
+    """Differentiate an impact by the phase and velocity of the one before."""
     # The derivatives of its phase come first, then those of its velocity, which is not zero.
     restitution = model.restitution
     decay, integral, _ = relaxation(d, model.beta)
@@ -55,16 +55,40 @@ def derivatives(phase: float, velocity: float, d: float, phase_next: float, velo
     # At fixed time: a later take-off is a state that lies that much behind.
     way_phase = -after - integral * leaving
     way_velocity = -restitution * integral
-    way_alpha = sine_next - sine - integral * cosine
     slope = -1.0 / velocity_next
     phase_phase = slope * way_phase
     phase_velocity = slope * way_velocity
-    phase_alpha = slope * way_alpha
     return (
-        phase_phase, phase_velocity, phase_alpha,
+        phase_phase, phase_velocity,
         meeting * phase_phase - decay * leaving,
         meeting * phase_velocity - decay * restitution,
-        meeting * phase_alpha + cosine_next - decay * cosine,
+    )
+
+
+@kernel
+def parameter_derivatives(phase: float, velocity: float, d: float, phase_next: float,
+                          velocity_next: float, model: Model
+                          ) -> tuple[tuple[float, float], ...]:
+    """Differentiate the phase and velocity of an impact by each number of the model in turn."""
+    decay, integral, second = relaxation(d, model.beta)
+    sine, cosine = sine_cosine(phase)
+    sine_next, cosine_next = sine_cosine(phase_next)
+    meeting = acceleration(sine_next, cosine_next, velocity_next, model)
+    # What the drag slows, and the derivatives of B and C of `relaxation` by beta.
+    relaxing = -model.restitution * velocity - model.alpha * cosine
+    integral_beta = second - d * integral
+    second_beta = 2.0 * relaxation_third(d, model.beta, second) - d * second
+    slope = -1.0 / velocity_next
+    # At fixed time: how far the gear comes, and its velocity.
+    phase_alpha = slope * (sine_next - sine - integral * cosine)
+    phase_beta = slope * (relaxing * integral_beta + model.gamma * second_beta)
+    phase_gamma = slope * second
+    phase_restitution = slope * (-velocity * integral)
+    return (
+        (phase_alpha, meeting * phase_alpha + cosine_next - decay * cosine),
+        (phase_beta, meeting * phase_beta - relaxing * d * decay + model.gamma * integral_beta),
+        (phase_gamma, meeting * phase_gamma + integral),
+        (phase_restitution, meeting * phase_restitution - velocity * decay),
     )
 
 
@@ -85,28 +109,31 @@ def map_points(points: FloatArray, model: Model
         if walls[i] != NO_WALL and images[i, 1] != 0.0:
             one = derivatives(phase, velocity, times[i], images[i, 0], images[i, 1], model)
             matrices[i, 0, 0], matrices[i, 0, 1] = one[0], one[1]
-            matrices[i, 1, 0], matrices[i, 1, 1] = one[3], one[4]
+            matrices[i, 1, 0], matrices[i, 1, 1] = one[2], one[3]
     return images, matrices, walls, times
 
 
 @kernel
-def shoot(walls: IntArray, points: FloatArray,
-          model: Model) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
+def shoot(walls: IntArray, points: FloatArray, model: Model
+          ) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Map a closed sequence on: whether each flight ends at the next wall, and a `Shot`."""
     q = len(walls)
-    defects, jacobian, times = np.zeros(2 * q), np.zeros((2 * q, 2 * q + 1)), np.zeros(q)
+    defects, times = np.zeros(2 * q), np.zeros(q)
+    jacobian, by_parameters = np.zeros((2 * q, 2 * q)), np.zeros((2 * q, 4))
     for k in range(q):
         n = (k + 1) % q
         hit, _, phase, velocity, d = next_impact(walls[k], points[k, 0], points[k, 1], model)
         if hit != walls[n] or velocity == 0.0:
-            return False, defects, jacobian, times
+            return False, defects, jacobian, by_parameters, times
         times[k] = d
         defects[2 * k] = turn_of(phase - points[n, 0])
         defects[2 * k + 1] = velocity - points[n, 1]
         one = derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
+        by = parameter_derivatives(points[k, 0], points[k, 1], d, phase, velocity, model)
         for row in range(2):
-            jacobian[2 * k + row, 2 * k] = one[3 * row]
-            jacobian[2 * k + row, 2 * k + 1] = one[3 * row + 1]
-            jacobian[2 * k + row, 2 * q] = one[3 * row + 2]
+            jacobian[2 * k + row, 2 * k] = one[2 * row]
+            jacobian[2 * k + row, 2 * k + 1] = one[2 * row + 1]
             jacobian[2 * k + row, 2 * n + row] -= 1.0
-    return True, defects, jacobian, times
+            for number in range(4):
+                by_parameters[2 * k + row, number] = by[number][row]
+    return True, defects, jacobian, by_parameters, times

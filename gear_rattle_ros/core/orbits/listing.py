@@ -197,7 +197,7 @@ def seek(first: int, end: int, fastest: float, walls: IntArray, rings: FloatArra
                     break
                 one = derivatives(path[made, 0], path[made, 1], time, phase, velocity, model)
                 tangents[made, 0], tangents[made, 1] = one[0], one[1]
-                tangents[made, 2], tangents[made, 3] = one[3], one[4]
+                tangents[made, 2], tangents[made, 3] = one[2], one[3]
                 made += 1
                 path[made, 0], path[made, 1], on_walls[made] = phase, velocity, hit
             if made <= n:

@@ -46,8 +46,8 @@ def correct(walls: IntArray, points: FloatArray, carried: FloatArray,
         hit, _, phase, velocity, time = next_impact(walls[k], points[k, 0], points[k, 1], model)
         if hit != walls[following] or velocity == 0.0:
             return math.inf, math.inf
-        p_p, p_v, _, v_p, v_v, _ = derivatives(points[k, 0], points[k, 1], time, phase, velocity,
-                                               model)
+        p_p, p_v, v_p, v_v = derivatives(points[k, 0], points[k, 1], time, phase, velocity,
+                                         model)
         off_phase = turn_of(phase - points[following, 0])
         off_velocity = velocity - points[following, 1]
         largest = max(largest, abs(off_phase), abs(off_velocity))

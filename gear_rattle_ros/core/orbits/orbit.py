@@ -121,7 +121,8 @@ class Shot:
     """One round of a closed sequence of q impacts."""
 
     defects: FloatArray  # how far it is from closing [rad, 1], shape (2 q,)
-    jacobian: FloatArray  # their derivatives by the points, and in the last column by alpha
+    jacobian: FloatArray  # their derivatives by the points, shape (2 q, 2 q)
+    by_parameters: FloatArray  # and by alpha, beta, gamma, restitution, shape (2 q, 4)
     times: FloatArray  # flight time from each impact to the next [1]
 
     @functools.cached_property
@@ -167,17 +168,20 @@ def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
     return q
 
 
-def solve_ring(shot: Shot, defects: FloatArray, row: FloatArray, right: float) -> FloatArray:
-    """Solve ``jacobian z = defects``, ``row z = right``: changes of the points and of alpha."""
+def solve_ring(shot: Shot, direction: FloatArray, defects: FloatArray, row: FloatArray,
+               right: float) -> FloatArray:
+    """Solve for changes z of the points and of the place on a path: defects, ``row z = right``."""
+    # The path goes through the parameters in a direction, the last column of the Jacobian.
     # Each impact depends on the one before alone, so all are expressed by the first, which leaves
     # three equations however long the orbit is. Raises LinAlgError where they are singular.
     q = len(defects) // 2
-    # Impact k is carried[k] times (first phase, first velocity, alpha, 1).
+    # Impact k is carried[k] times (first phase, first velocity, place, 1).
     carried = np.zeros((q + 1, 2, 4))
     carried[0, 0, 0] = carried[0, 1, 1] = 1.0
+    along = shot.by_parameters @ direction
     for k in range(q):
         carried[k + 1] = shot.blocks[k] @ carried[k]
-        carried[k + 1, :, 2] += shot.jacobian[2 * k:2 * k + 2, -1]
+        carried[k + 1, :, 2] += along[2 * k:2 * k + 2]
         carried[k + 1, :, 3] -= defects[2 * k:2 * k + 2]
     system = np.zeros((3, 4))
     system[:2] = carried[q] - carried[0]
