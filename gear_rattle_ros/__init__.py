@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from .studies.boundary import boundary as boundary
     from .studies.continuation import continuation as continuation
     from .studies.crisis import crisis as crisis
+    from .studies.drift import drift as drift
     from .studies.exponents import exponents as exponents
     from .studies.hopping import hopping as hopping
     from .studies.lifetimes import lifetimes as lifetimes
@@ -59,8 +60,8 @@ if TYPE_CHECKING:
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Parameters', 'Plane',
     'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
-    'boundary', 'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'hopping',
-    'lifetimes', 'manifolds', 'motion', 'open_dataset', 'orbit_diagram', 'orbits',
+    'boundary', 'continuation', 'crisis', 'draw', 'drift', 'exponents', 'find_attractors',
+    'hopping', 'lifetimes', 'manifolds', 'motion', 'open_dataset', 'orbit_diagram', 'orbits',
     'probability_basins', 'read_bag', 'read_orbits', 'rebuild', 'saddle', 'save', 'section',
     'stability', 'transitions', '__version__',
 ]
@@ -78,9 +79,9 @@ MODULES = {
     'store.store': ['open_dataset'],
     'studies.orbits': ['orbits', 'read_orbits'],
     **{f'studies.{name}': [name] for name in (
-        'basins', 'boundary', 'continuation', 'crisis', 'exponents', 'hopping', 'lifetimes',
-        'manifolds', 'motion', 'orbit_diagram', 'probability_basins', 'saddle', 'section',
-        'stability', 'transitions')},
+        'basins', 'boundary', 'continuation', 'crisis', 'drift', 'exponents', 'hopping',
+        'lifetimes', 'manifolds', 'motion', 'orbit_diagram', 'probability_basins', 'saddle',
+        'section', 'stability', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

@@ -72,6 +72,7 @@ GROUPS = {
         'hopping': ('cli.hopping', 'count hops between attractors by noise'),
         'probability_basins': ('cli.probability_basins',
                                'find where noise brings each initial condition'),
+        'drift': ('cli.drift', 'find what slow ramps of alpha delay'),
         'figures': ('cli.figures', 'redraw the figures of the paper'),
     },
     'viewing': {

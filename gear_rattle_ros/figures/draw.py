@@ -33,6 +33,7 @@ PICTURES: Final = {
     'boundary': {'': 'boundary.draw_boundary'},
     'continuation': {'': 'diagrams.draw_shares'},
     'crisis': {'': 'crisis.draw_law'},
+    'drift': {'': 'drift.draw_drift'},
     'exponents': {'': 'grids.draw_exponents'},
     'hopping': {'': 'hopping.draw_hopping'},
     'lifetimes': {'': 'grids.draw_lifetimes', 'survival': 'grids.draw_survival'},
