@@ -45,12 +45,15 @@ if TYPE_CHECKING:
     from .studies.boundary import boundary as boundary
     from .studies.continuation import continuation as continuation
     from .studies.crisis import crisis as crisis
+    from .studies.drift import drift as drift
     from .studies.exponents import exponents as exponents
+    from .studies.hopping import hopping as hopping
     from .studies.lifetimes import lifetimes as lifetimes
     from .studies.manifolds import manifolds as manifolds
     from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.orbits import orbits as orbits, read_orbits as read_orbits
+    from .studies.probability_basins import probability_basins as probability_basins
     from .studies.saddle import saddle as saddle
     from .studies.section import section as section
     from .studies.stability import stability as stability
@@ -59,9 +62,10 @@ if TYPE_CHECKING:
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Gears', 'Parameters', 'Path',
     'Plane', 'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
-    'boundary', 'continuation', 'crisis', 'draw', 'exponents', 'find_attractors', 'lifetimes',
-    'manifolds', 'motion', 'open_dataset', 'orbit_diagram', 'orbits', 'read_bag', 'read_orbits',
-    'rebuild', 'saddle', 'save', 'section', 'stability', 'transitions', '__version__',
+    'boundary', 'continuation', 'crisis', 'draw', 'drift', 'exponents', 'find_attractors',
+    'hopping', 'lifetimes', 'manifolds', 'motion', 'open_dataset', 'orbit_diagram', 'orbits',
+    'probability_basins', 'read_bag', 'read_orbits', 'rebuild', 'saddle', 'save', 'section',
+    'stability', 'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -79,8 +83,9 @@ MODULES = {
     'store.store': ['open_dataset'],
     'studies.orbits': ['orbits', 'read_orbits'],
     **{f'studies.{name}': [name] for name in (
-        'basins', 'boundary', 'continuation', 'crisis', 'exponents', 'lifetimes', 'manifolds',
-        'motion', 'orbit_diagram', 'saddle', 'section', 'stability', 'transitions')},
+        'basins', 'boundary', 'continuation', 'crisis', 'drift', 'exponents', 'hopping',
+        'lifetimes', 'manifolds', 'motion', 'orbit_diagram', 'probability_basins', 'saddle',
+        'section', 'stability', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

@@ -69,6 +69,10 @@ GROUPS = {
         'saddle': ('cli.saddle', 'follow edge states and chaotic saddles'),
         'boundary': ('cli.boundary', 'measure how fractal the boundary of basins is'),
         'stability': ('cli.stability', 'find how far attractors are from being left'),
+        'hopping': ('cli.hopping', 'count hops between attractors by noise'),
+        'probability_basins': ('cli.probability_basins',
+                               'find where noise brings each initial condition'),
+        'drift': ('cli.drift', 'find what slow ramps of alpha delay'),
         'figures': ('cli.figures', 'redraw the figures of the paper'),
     },
     'viewing': {

@@ -31,11 +31,10 @@ from .catalogue import Attractor, Catalogue
 from ..core.arrays import FloatArray, IntArray
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import EMPTY
-from ..core.many.chaotic_sets import ChaoticSet
+from ..core.many.hopping import BALL, Cores, cores_along, make_cores
 from ..core.many.recorded import initial_after
 from ..core.many.settling import BOXES
 from ..core.orbits.orbit import Orbit
-from ..core.orbits.section import distances
 from ..core.words import in_columns
 
 # The widest ball [1], which is halved until at least this share of it settles on the orbit, and
@@ -67,21 +66,31 @@ class Jumps(NamedTuple):
 
 def find_jumps(catalogue: Catalogue, phases: FloatArray, velocities: FloatArray) -> Jumps:
     """Find the core that was visited last at each impact of a trajectory, in turn."""
-    core, radius = np.full(len(phases), EMPTY), {}
-    for each in catalogue.attractors:
-        if each.chaos:
-            core[_in_boxes(each.chaos, phases, velocities)] = each.label
-        elif each.orbit:
-            radius[each.label] = core_radius(catalogue, each, each.orbit)
-            for phase, velocity in each.orbit.points:
-                core[distances(velocities, phases, velocity, phase)
-                     <= radius[each.label]] = each.label
+    cores = cores_of(catalogue)
+    core = cores_along(cores, np.ascontiguousarray(phases), np.ascontiguousarray(velocities))
     visits = core[core != EMPTY]
     jumped = visits[1:] != visits[:-1]
     jumps = zip(visits[:-1][jumped].tolist(), visits[1:][jumped].tolist(), strict=True)
     before = np.maximum.accumulate(np.where(core == EMPTY, EMPTY, np.arange(len(core))))
     return Jumps(np.where(before == EMPTY, EMPTY, core[before]),
-                 len(visits) / max(len(core), 1), radius, Counter(jumps))
+                 len(visits) / max(len(core), 1), radii_of(cores), Counter(jumps))
+
+
+def cores_of(catalogue: Catalogue) -> Cores:
+    """Find the cores of all attractors: balls round points of orbits, boxes of chaotic sets."""
+    balls = [(*point, core_radius(catalogue, each, each.orbit), each.label)
+             for each in catalogue.attractors if each.orbit for point in each.orbit.points]
+    boxes = np.full((2, BOXES, BOXES) if catalogue.chaotic else 0, EMPTY, np.int8)
+    for each in catalogue.attractors:
+        if each.chaos:
+            boxes[each.chaos.boxes] = each.label
+    return make_cores(np.array(balls, BALL), boxes,
+                      catalogue.chaotic[0].speed if catalogue.chaotic else 0.0)
+
+
+def radii_of(cores: Cores) -> dict[int, float]:
+    """Return the radii of the balls of orbits, by label [1]."""
+    return dict(zip(cores.balls['label'].tolist(), cores.balls['radius'].tolist(), strict=True))
 
 
 def core_radius(catalogue: Catalogue, attractor: Attractor, orbit: Orbit) -> float:
@@ -99,14 +108,6 @@ def core_radius(catalogue: Catalogue, attractor: Attractor, orbit: Orbit) -> flo
             break
         radius /= 2.0
     return radius
-
-
-def _in_boxes(chaos: ChaoticSet, phases: FloatArray, velocities: FloatArray) -> IntArray:
-    rows = (np.abs(velocities) * (BOXES / chaos.speed)).astype(np.int64)
-    columns = np.minimum(phases * (BOXES / TWO_PI), BOXES - 1).astype(np.int64)
-    slow = np.flatnonzero(rows < BOXES)
-    return slow[chaos.boxes[np.signbit(velocities[slow]).astype(np.int64), rows[slow],
-                            columns[slow]]]
 
 
 def _counted(count: int) -> str:

@@ -20,7 +20,7 @@ from typing import Any, Final, TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
-from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, Rectangle
@@ -92,6 +92,23 @@ def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         looks, np.ma.masked_invalid(exponents), bar=True,
         cmap=colours.with_extremes(bad=FORGOTTEN), norm=Normalize(-bound, bound))
     _scale(figure, drawn, 'finite-time exponent per impact [1]', extend='both')
+    return figure
+
+
+def draw_probabilities(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    """Mix the colours of attractors by their probability; what visits no core is grey."""
+    colours, names = colours_and_names(dataset, looks)
+    colours = ENDS | colours
+    shares = np.stack([_thinned(share) for share in dataset['probability']])
+    hues = np.array([to_rgb(colours[label]) for label in dataset['attractor'].values.tolist()])
+    mixed = np.einsum('kij,kc->ijc', shares, hues) + (
+        1.0 - shares.sum(axis=0))[..., None] * np.array(to_rgb(ENDS[UNSETTLED]))
+    patches = [Patch(color=colours[label], label=f'{names[label]}  {100.0 * np.mean(share):.2f} %')
+               for label, share in zip(dataset['attractor'].values.tolist(), shares, strict=True)]
+    a = dataset.attrs
+    _, figure = _plane(
+        dataset, f'After {counted(a["impacts"], "impact")} with noise {a["noise"]:g}', looks,
+        np.clip(mixed, 0.0, 1.0), legend=patches)
     return figure
 
 

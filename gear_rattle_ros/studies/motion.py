@@ -92,7 +92,7 @@ def motion(parameters: Parameters, plane: Plane | None = None, *, attractor: str
             parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
             hold=hold, threads=work.threads, cluster=work.cluster)
         chosen = choose(catalogue, attractor)
-        start = _state_on(chosen, catalogue)
+        start = state_on(chosen, catalogue)
     else:
         start = initial_condition(parameters, *initial)
     events = _follow(parameters, start[0], skip, periods, chosen is not None)
@@ -131,7 +131,8 @@ def choose(catalogue: Catalogue, name: str) -> Attractor:
     return max(found, key=lambda each: each.settled)
 
 
-def _state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
+def state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
+    """Return a state on an attractor, as START, one."""
     if chosen.orbit and chosen.orbit.sticks < 0:
         return initial_after(catalogue.parameters, chosen.orbit.phases[:1],
                              chosen.orbit.velocities[:1])

@@ -45,7 +45,8 @@ from .closed_form import (
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import bisect_on
 from .lanes_step import CRAWLING, LANES, step, TILE
-from ..arrays import Record, RecordArray
+from .noise import draw
+from ..arrays import IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..model import Model, Parameters, STICKING_SPEED
 
@@ -266,3 +267,30 @@ def advance(tile: Record, impacts: RecordArray, steps: int) -> None:
             for i in range(LANES):
                 if tile.is_special[i] != 0:
                     attend(tile, i)
+
+
+@kernel
+def advance_kicked(tile: Record, impacts: RecordArray, noise: float, kind: int, seeds: IntArray,
+                   made: IntArray) -> None:
+    """Do as `advance`, with kicks as `simulation.run` draws them; all lanes have this noise."""
+    # The seeds are by initial condition; `made` counts the impacts of each, these included.
+    for i in range(LANES):
+        tile.count[i] = 0
+    for _ in range(impacts.shape[1] - 1):
+        special = step(tile)
+        for i in range(LANES):
+            if tile.has_hit[i] != 0:
+                n = tile.number[i]
+                made[n] += 1
+                impact = impacts[i, tile.count[i]]
+                impact.cycle, impact.phase = tile.cycle[i], tile.phase[i]
+                impact.velocity = tile.impact_velocity[i]
+                tile.count[i] += 1
+                kick = noise * draw(kind, seeds[n], made[n])
+                if kick != 0.0:
+                    # The flight begins here, and `step` has evaluated all else of it.
+                    tile.velocity[i] = tile.velocity_now[i] = rebound(
+                        impact.velocity, impact.phase, model_in(tile, i), kick)
+                    continue
+            if special > 0 and tile.is_special[i] != 0:
+                attend(tile, i)

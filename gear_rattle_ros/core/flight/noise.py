@@ -14,13 +14,29 @@
 
 """The noise at impacts: drawn from the seed and the number of the impact alone."""
 
+import enum
 import math
+from typing import Final
 
 import numpy as np
 
 from .elementary import logarithm, sine_cosine, TWO_PI
 from ..arrays import Whole
 from ..compiled import kernel
+
+# Kicks of unit standard deviation reach to this where they are uniform.
+BOUND: Final = math.sqrt(3.0)
+
+
+class Noise(enum.IntEnum):
+    """What is random: the kicks at impacts, or the amplitude of each drive period."""
+
+    GAUSSIAN = 0
+    UNIFORM = 1  # between -sqrt(3) and sqrt(3) standard deviations
+    JITTER = 2  # of alpha, Gaussian
+
+
+UNIFORM, JITTER = int(Noise.UNIFORM), int(Noise.JITTER)
 
 
 @kernel
@@ -42,3 +58,17 @@ def gaussian(seed: int, index: int) -> float:
     uniform = (np.float64(first >> np.uint64(11)) + 1.0) * 2.0**-53
     angle = np.float64(second >> np.uint64(11)) * 2.0**-53 * TWO_PI
     return math.sqrt(-2.0 * logarithm(uniform)) * sine_cosine(angle)[1]
+
+
+@kernel
+def uniform(seed: int, index: int) -> float:
+    """Draw the number of unit variance, within `BOUND` of 0, of a seed and an impact's number."""
+    golden = np.uint64(0x9E3779B97F4A7C15)
+    word = mixed(mixed(np.uint64(seed) + golden) + np.uint64(2 * index) * golden)
+    return BOUND * (np.float64(word >> np.uint64(11)) * 2.0**-52 - 1.0)
+
+
+@kernel
+def draw(kind: int, seed: int, index: int) -> float:
+    """Draw a number of unit variance, uniform or else Gaussian."""
+    return uniform(seed, index) if kind == UNIFORM else gaussian(seed, index)

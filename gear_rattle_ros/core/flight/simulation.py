@@ -38,10 +38,19 @@ from .closed_form import (
 )
 from .elementary import sine_cosine, TWO_PI
 from .first_impact import search_impact
-from .noise import gaussian
+from .law import correction, LAW, Law, PULSES
+from .noise import draw, JITTER, Noise
 from ..arrays import Record, RecordArray, Whole
 from ..compiled import kernel
-from ..model import EVENT, EventArray, EventKind, Parameters, require_finite, State
+from ..model import (
+    ALPHA_MAXIMUM,
+    EVENT,
+    EventArray,
+    EventKind,
+    Parameters,
+    require_finite,
+    State,
+)
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
 NOISE_MAXIMUM: Final = 10.0
@@ -53,7 +62,8 @@ TRAJECTORY: Final = np.dtype([
     ('velocity', np.float64), ('rests', np.bool_), ('searched', np.float64), ('effort', np.int64),
     ('wall', np.int64), ('impact_velocity', np.float64), ('index', np.int64), ('epoch', np.int64),
     ('alpha', np.float64), ('beta', np.float64), ('gamma', np.float64),
-    ('restitution', np.float64), ('noise', np.float64), ('seed', np.uint64),
+    ('restitution', np.float64), ('noise', np.float64), ('noise_kind', np.int64),
+    ('seed', np.uint64), *LAW,
 ], align=True)
 
 
@@ -83,6 +93,16 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
     t, model = trajectory, model_of(trajectory)
     count = 0
     while count < len(events):
+        if t.waits:
+            # The law acts just after an impact.
+            t.waits = False
+            t.alpha = t.wanted
+            t.epoch += 1
+            settle(t)
+            write_event(events[count], RETUNE, t, t.velocity)
+            model = model_of(t)
+            count += 1
+            continue
         left = elapsed(cycle - t.cycle, t.phase, phase)
         if t.rests:
             delay = release_delay(t.displacement, t.phase, model)
@@ -115,12 +135,18 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
         periods, t.phase = later(t.phase, t.searched)
         t.cycle += periods
         t.index += 1
-        kick = t.noise * gaussian(t.seed, t.index) if t.noise > 0.0 else 0.0
+        change = correction(t, t.phase, before) if t.points > 0 else 0.0
+        kick = change if t.acts_on == PULSES else 0.0
+        if t.noise > 0.0 and t.noise_kind != JITTER:
+            kick += t.noise * draw(t.noise_kind, t.seed, t.index)
         t.velocity = rebound(before, t.phase, model, kick)
         t.displacement = 0.0 if t.wall == UPPER else -1.0
         settle(t)
         write_event(events[count], STICK if t.rests else IMPACT, t, before)
         count += 1
+        if t.points > 0 and t.acts_on != PULSES:
+            t.wanted = min(max(t.alpha_free + change, 0.0), ALPHA_MAXIMUM)
+            t.waits = t.wanted != t.alpha
     return count
 
 
@@ -152,6 +178,9 @@ class Simulation:
         Standard deviation of the Gaussian kick that an impact adds to the velocity [1].
     seed : int
         Seed of the noise; every impact has its own draw. Out of range, both raise ValueError.
+    kind : Noise
+        Whether kicks are Gaussian or uniform; with JITTER there are none, for it is made by
+        retunes.
 
     Notes
     -----
@@ -162,7 +191,7 @@ class Simulation:
     """
 
     def __init__(self, parameters: Parameters, initial: State, *, noise: float = 0.0,
-                 seed: int = 0) -> None:
+                 seed: int = 0, kind: Noise = Noise.GAUSSIAN) -> None:
         self._trajectory = np.zeros(1, TRAJECTORY)
         t = self._trajectory[0]
         t['cycle'], t['phase'] = initial.cycle, initial.phase
@@ -171,12 +200,13 @@ class Simulation:
         self._write_parameters(parameters)
         self.noise = noise
         self.seed = seed
+        t['noise_kind'] = kind
         settle(t)
         self._waiting = self._record(EventKind.RESET, initial.velocity)
 
     @property
     def parameters(self) -> Parameters:
-        """Parameters in force."""
+        """Parameters in force, but for what a law changes."""
         return self._parameters
 
     @property
@@ -198,6 +228,22 @@ class Simulation:
         if not isinstance(value, numbers.Integral) or not 0 <= value <= SEED_MAXIMUM:
             raise ValueError(f'seed = {value!r} is not a whole number from 0 to {SEED_MAXIMUM}')
         self._trajectory[0]['seed'] = value
+
+    def control(self, law: Law | None) -> EventArray:
+        """
+        Put a law in force, or end the one that is, as `retune` does, too.
+
+        Returns an array of EVENT: a RETUNE record where alpha returns to that of `parameters`,
+        after any records not yet returned.
+        """
+        t = self._trajectory[0]
+        records = self._waiting[:0]
+        if t['points'] and t['alpha'] != self._parameters.alpha:
+            records = self.retune(self._parameters)
+        t['points'], t['waits'] = 0, False
+        if law is not None:
+            law.write(t, self._parameters.alpha)
+        return records
 
     @property
     def impacts(self) -> int:
@@ -311,6 +357,9 @@ class Simulation:
 
     def _begin_epoch(self, kind: EventKind) -> EventArray:
         t = self._trajectory[0]
+        t['waits'] = False
+        if kind is EventKind.RETUNE:
+            t['points'] = 0
         t['epoch'] += 1
         settle(t)
         records = np.concatenate([self._waiting, self._record(kind, t['velocity'])])
