@@ -16,6 +16,7 @@
 
 import argparse
 from collections.abc import Callable, Iterator
+import dataclasses
 import itertools
 import math
 from typing import Any, Final, TYPE_CHECKING
@@ -193,9 +194,10 @@ def paths_of(given: argparse.Namespace) -> 'tuple[Path, ...]':
     if len({len(each) for each in windows.values()}) > 1:
         raise ValueError('give as many windows of ' + ' as of '.join(
             f'--{name}' for name in windows))
-    return tuple(Path.over(Parameters(**fixed), **{
-        name: each[number] for name, each in windows.items()})
-        for number in range(len(next(iter(windows.values())))))
+    # A gear pair has an alpha of its own.
+    base = dataclasses.replace(given.pair.parameters if given.pair else Parameters(), **fixed)
+    return tuple(Path.over(base, **{name: each[number] for name, each in windows.items()})
+                 for number in range(len(next(iter(windows.values())))))
 
 
 def path_of(given: argparse.Namespace) -> 'Path':

@@ -17,11 +17,14 @@
 import numpy as np
 import pytest
 
+from gear_rattle_ros import gear_pairs
 from gear_rattle_ros.cli import options
 from gear_rattle_ros.cli.refusal import Parser
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.path import Path
+from gear_rattle_ros.places import config_folder
 
+PAIR = config_folder('gears') / 'example.yaml'
 FIRST, LAST = Parameters(0.3, 0.0, -0.2, 0.6), Parameters(0.7, 0.2, 0.1, 1.0)
 
 
@@ -76,7 +79,7 @@ def parse(words, windows=()):
     """Read the options of the model."""
     parser = Parser('tool')
     options.add_model(parser, windows=windows)
-    return parser.parse_args(words.split())
+    return gear_pairs.parse(parser, words.split())
 
 
 @pytest.mark.parametrize(('words', 'path'), [
@@ -87,6 +90,12 @@ def parse(words, windows=()):
     ('--beta 0.2 0.05 --alpha 1 2', Path(Parameters(1.0, 0.2), Parameters(2.0, 0.05)))])
 def test_a_window_is_typed_where_a_value_is(words, path):
     assert options.path_of(parse(words, ((0.47, 0.6),))) == path
+
+
+def test_a_window_of_a_gear_pair_keeps_its_alpha():
+    path = options.path_of(parse(f'--gears {PAIR} --beta 0.05 0.2', ((0.47, 0.6),)))
+    pair = gear_pairs.read_gears(PAIR).parameters
+    assert path == Path.over(pair, beta=(0.05, 0.2)) and pair.alpha != Parameters().alpha
 
 
 def test_windows_come_one_after_the_other():

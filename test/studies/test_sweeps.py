@@ -103,7 +103,8 @@ def test_a_crisis_is_found_along_a_straight_path():
     assert found.attrs['tangency_path'] == pytest.approx((1.2432027802 - 1.24) / 0.01, abs=5e-8)
     assert found.attrs['tangency_uncertainty'] < 5e-7
     assert found.attrs['saddle_born_path'] == pytest.approx((1.204563662 - 1.24) / 0.01, abs=1e-6)
-    assert 'path_c = 0.32' in draw(found).axes[0].get_legend().get_texts()[1].get_text()
+    assert any('law with path_c = 0.' in text.get_text()
+               for text in draw(found).axes[0].get_legend().get_texts())
 
 
 @pytest.mark.long
