@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from .style import Looks, new_figure
+from ..core.words import counted
 from ..palette import GREY
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def draw_drift(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         axes.set_ylim(max(float(np.min(finite)), -1.5) - 0.05, float(np.max(finite)) + 0.05)
     axes.axhline(0.0, color=GREY, linewidth=0.6)
     axes.set(xlabel='alpha [1]', xlim=(a['alpha'], a['to']),
-             ylabel=f'largest exponent per impact over {a["window"]} impacts [1]')
+             ylabel=f'largest exponent per impact over {counted(a["window"], "impact")} [1]')
     axes.legend(frameon=False)
     axes.set_title(looks.title or f'Ramps of alpha from {a["attractor_key"]}')
     return figure
