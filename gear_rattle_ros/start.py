@@ -73,6 +73,7 @@ GROUPS = {
         'probability_basins': ('cli.probability_basins',
                                'find where noise brings each initial condition'),
         'drift': ('cli.drift', 'find what slow ramps of alpha delay'),
+        'rattle': ('cli.rattle', 'find whether a gear pair rattles, how often, how hard'),
         'figures': ('cli.figures', 'redraw the figures of the paper'),
     },
     'viewing': {

@@ -36,9 +36,12 @@ from ..places import typed
 
 if TYPE_CHECKING:
     from ..attractors.plane import Plane
+    from ..store.store import Store
 
 # Endings of pictures.
 PICTURES: Final = ('.png', '.pdf', '.svg', '.jpg')
+# Options that do not change a dataset.
+UNNAMED: Final = ('colours', 'wav', 'seconds')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +56,8 @@ class Command:
     # The study is run for each.
     planes: 'Callable[[argparse.Namespace], list[Plane]]' = lambda given: [plane_of(given)]
     has_picture: bool = True
+    # What else is written of the dataset.
+    finish: 'Callable[[argparse.Namespace, Store], list[Path]]' = lambda given, store: []
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:
         words = sys.argv[1:] if arguments is None else list(arguments)
@@ -112,12 +117,20 @@ class Command:
                 given.pair = given.pair.with_parameters(model)
             keywords['gears'] = given.pair
             print(given.pair.describe())
+        if 'pair' in takes:
+            model = keywords.pop('gears', None)
+            if model is None:
+                raise ValueError('there is no gear pair: give its file with --gears, or its '
+                                 'quantities')
+            del keywords['pair']
         store = study.compute(
             model, **keywords | self.keywords(given), store=output,
             resume=True, cluster=given.cluster, threads=given.threads, command=command,
             progress=True)
         print(module.describe(store))
         print(output)
+        for path in self.finish(given, store):
+            print(path)
         if picture is not None:
             from ..figures.draw import save
             for path in save(store.dataset(), picture, **looks_of(given)):
@@ -149,7 +162,7 @@ def _name(name: str, asked: Mapping[str, Any], given: argparse.Namespace) -> str
     for option, default in asked.items():
         value = getattr(given, option, default)
         is_single = option == 'alpha' and isinstance(value, float) and given.pair is None
-        if option != 'colours' and (is_single or _flat(value) != _flat(default)):
+        if option not in UNNAMED and (is_single or _flat(value) != _flat(default)):
             parts += [*([] if is_single else [option.replace('_', '-')]), '_'.join(_flat(value))]
     return '-'.join(parts)
 

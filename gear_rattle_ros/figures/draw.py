@@ -43,6 +43,7 @@ PICTURES: Final = {
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'orbits': {'': 'over_basins.draw_orbits'},
     'probability_basins': {'': 'grids.draw_probabilities'},
+    'rattle': {'': 'rattle.draw_rattle'},
     'saddle': {'': 'grids.draw_saddle'},
     'section': {'': 'section.draw_section'},
     'stability': {'': 'over_basins.draw_stability'},

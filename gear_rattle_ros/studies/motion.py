@@ -95,7 +95,7 @@ def motion(parameters: Parameters, plane: Plane | None = None, *, attractor: str
         start = state_on(chosen, catalogue)
     else:
         start = initial_condition(parameters, *initial)
-    events = _follow(parameters, start[0], skip, periods, chosen is not None)
+    events = follow(parameters, start[0], skip, periods, chosen is not None)
     _write(store, events, chosen)
     store.mark(0)
     return store
@@ -139,7 +139,7 @@ def state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
     return catalogue.states[catalogue.labels == chosen.label][:1]
 
 
-def _follow(parameters: Parameters, start: Any, skip: int, periods: int, whole: bool
+def follow(parameters: Parameters, start: Any, skip: int, periods: int, whole: bool
             ) -> EventArray:
     """Return the events of some drive periods, with records at both ends, `whole` from phase 0."""
     simulation = Simulation(parameters, State(0, *(float(start[name]) for name in STATE)))
