@@ -34,8 +34,8 @@ IDLER = dict(inertia_kg_m2=1.4e-3, driver_radius_m=0.04, driven_radius_m=0.05, b
 @pytest.fixture(scope='module')
 def both():
     """Return a gear pair that may rest or rattle, with the rattle of it."""
-    gears = Gears(**IDLER).with_parameters(Parameters(0.09))
-    return gears, rattle(gears, initial_conditions=200, periods=50, threads=1)
+    gears = Gears(**IDLER).with_parameters(Parameters(0.093, restitution=0.8))
+    return gears, rattle(gears, initial_conditions=100, periods=50, threads=1)
 
 
 @pytest.fixture(scope='module')
@@ -46,17 +46,17 @@ def run_up():
 
 
 def test_below_the_threshold_rattle_and_rest_coexist(both):
-    """The orbit of one impact a period takes about half of the initial conditions."""
+    """The orbit of one impact a period takes more than half of the initial conditions."""
     gears, found = both
     kinds = dict(zip(found.state_kind.values, found.state_share.values, strict=True))
-    assert found.point_lift.item() == pytest.approx(0.09 * 1.01**0.5 / 0.1)
-    assert 0.3 < found.point_share.item() < 0.8
+    assert found.point_lift.item() == pytest.approx(0.93 * 1.01**0.5)
+    assert 0.4 < found.point_share.item() < 0.8
     assert kinds['resting'] == pytest.approx(1.0 - found.point_share.item())
     moving = found.isel(state=int(np.argmax(found.state_kind.values == 'periodic')))
     assert moving.state_mode.item() == 'upper'
     # 2 pi gamma/(1 + r), once a period.
     assert moving.state_speed_rms_m_per_s.item() == pytest.approx(
-        2.0 * np.pi * 0.1 / 1.9 * gears.scales.velocity_m_per_s)
+        2.0 * np.pi * 0.1 / 1.8 * gears.scales.velocity_m_per_s)
     assert moving.state_rate_upper_per_s.item() == pytest.approx(2.0 * 850.0 / 60.0)
 
 
@@ -103,7 +103,7 @@ def test_a_larger_gear_pair_of_the_same_parameters_rattles_alike(both):
     gears, found = both
     other = Gears(**IDLER | {'backlash_m': 3e-4, 'speed_rpm': 2000.0, 'inertia_kg_m2': 5e-3}
                   ).with_parameters(gears.parameters)
-    again = rattle(other, initial_conditions=200, periods=50, threads=1)
+    again = rattle(other, initial_conditions=100, periods=50, threads=1)
     assert again.state_share.values.tolist() == found.state_share.values.tolist()
     for name, scale in (('speed_peak_m_per_s', 'velocity_m_per_s'), ('loss_mean_j', 'energy_j'),
                         ('impulse_mean_n_s', 'impulse_n_s'), ('force', 'force_n')):
@@ -115,11 +115,7 @@ def test_a_larger_gear_pair_of_the_same_parameters_rattles_alike(both):
 def test_the_sound_has_an_impulse_for_every_impact(both, tmp_path):
     """In a second, 28 1/3 impacts of one strength."""
     gears, found = both
-    some = found.isel(state=found.state_kind.values == 'periodic')
-    number = int(np.argmax(found.state_kind.values == 'periodic'))
-    some = some.isel(impact=found.impact_state.values == number).assign(
-        impact_state=('impact', np.zeros(1, int)))
-    with wave.open(str(save_wav(some, tmp_path / 'a.wav', 3.0))) as file:
+    with wave.open(str(save_wav(found, tmp_path / 'a.wav', 3.0))) as file:
         assert (file.getnchannels(), file.getframerate(), file.getnframes()) == (1, 48000, 144000)
         samples = np.frombuffer(file.readframes(144000), '<i2')
     peaks = np.flatnonzero((samples > 15000) & (np.roll(samples, -1) <= samples)
