@@ -15,7 +15,7 @@
 """Gear pairs from files and from options, the same in tools, the suite and the simulator."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
@@ -45,6 +45,15 @@ def read_gears(path: Path | str | None, **changes: float) -> 'Gears':
         return Gears.of({'restitution': RESTITUTION} | content, **changes)
     except ValueError as error:
         raise ValueError(f'{path or "gear pair"}: {error}') from error
+
+
+def pair_of(given: Mapping[str, Any]) -> 'Gears | None':
+    """Return the gear pair that parameters of a node describe, if any does."""
+    changes = {name: given[name] for name in QUANTITIES if name in given}
+    # The restitution alone is a parameter of the model.
+    if not given.get('gears') and not changes.keys() - {'restitution'}:
+        return None
+    return read_gears(given.get('gears'), **changes)
 
 
 def add_gears(parser: argparse.ArgumentParser, read: Callable[[str], float] = float) -> None:

@@ -94,6 +94,10 @@ _fixed = Specification
 _live = functools.partial(Specification, read_only=False)
 _FRAME: Final = _fixed('frame', '', 'frame of the section; empty = section in the namespace', '')
 
+_QUANTITIES: Final = tuple(
+    _fixed(name, 0.0, f'{words}; if given, it replaces that of gears', unit, -1e9, 1e9)
+    for name, (words, unit) in QUANTITIES.items() if name != 'restitution')
+
 SIMULATOR: Final = (
     _live('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
     _live('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
@@ -123,8 +127,7 @@ SIMULATOR: Final = (
     _fixed('publish_clock', False, 'publish the simulated time on /clock, and stamp with it', ''),
     _fixed('gears', '', 'YAML file of a gear pair, which gives alpha, beta, gamma, restitution, '
            'omega and backlash_angle their defaults', ''),
-    *(_fixed(name, 0.0, f'{words}; if given, it replaces that of gears', unit, -1e9, 1e9)
-      for name, (words, unit) in QUANTITIES.items() if name != 'restitution'),
+    *_QUANTITIES,
     _FRAME,
     _fixed('scene', '', 'scene to be played from the beginning; its first step replaces the '
            'defaults', ''),
@@ -142,6 +145,11 @@ TRANSIENTS: Final = (
            high=0.1),
     _fixed('display_rate', 30.0, 'messages on last_impact per second of wall time', 'Hz', 0.0,
            1000.0),
+    _fixed('rattle_rate', 2.0, 'messages on rattle per second of wall time', 'Hz', 0.0, 1000.0),
+    _fixed('rattle_above', 0.0, 'approach speed from which impacts count for the rates and speeds '
+           'on rattle', 'm/s; without a gear pair 1', 0.0, 1e4),
+    _fixed('gears', '', 'YAML file of a gear pair, in whose SI units rattle is', ''),
+    *_QUANTITIES,
 )
 BASIN: Final = (
     _fixed('size', 800, 'edge of the finest picture; the first has 50, each next one twice as '

@@ -35,10 +35,12 @@ RVIZ = config_folder('rviz') / 'gear_rattle.rviz'
 PLOTJUGGLER = config_folder('plotjuggler') / 'gear_rattle.xml'
 FOXGLOVE = config_folder('foxglove') / 'gear_rattle.json'
 URDF = config_folder('urdf') / 'gears.urdf'
+GEARS = config_folder('gears') / 'example.yaml'
 TYPES = {
     '/impacts': PointCloud2, '/attractors': PointCloud2, '/basin': Image,
     '/joint_states': JointState, '/lyapunov': JointState, '/transient': DiagnosticArray,
     '/diagnostics': DiagnosticArray, '/last_impact': JointState, '/skeleton': MarkerArray,
+    '/rattle': JointState,
 }
 # What RViz's displays show: their classes in rviz_default_plugins, and message types.
 DISPLAYS = {'rviz_default_plugins/PointCloud2': PointCloud2, 'rviz_default_plugins/Image': Image,
@@ -173,8 +175,9 @@ def quality(display: dict | None, topic: str) -> QoSProfile:
 def test_everything_named_is_there_in_a_real_run(
         start: Callable, rclpy_node, spin: Callable[..., None]) -> None:
     """Topics with their types and qualities, series, message paths, services, frames."""
-    for name in ('simulator', 'lyapunov', 'transients', 'basin'):
+    for name in ('simulator', 'lyapunov', 'basin'):
         start(name)
+    start('transients', '--ros-args', '-p', f'gears:={GEARS}')
     displays = {each['Topic']['Value']: each for each in rviz()['Displays'] if 'Topic' in each}
     wanted = {*displays, *foxglove_topics(), *(f'/{curve.split("/")[1]}' for curve in curves())}
     assert wanted <= TYPES.keys()

@@ -34,12 +34,11 @@ from .base.node import ReportingNode
 from .base.pacing import AcknowledgedPace, ClockPace
 from .base.process import run_node
 from .. import messages
-from ..core.defaults import QUANTITIES
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, Model, Parameters, State
 from ..core.words import counted
-from ..gear_pairs import read_gears
+from ..gear_pairs import pair_of
 from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
 from ..qos import CLOCK, STREAM
 from ..scenes import find_scene, Performance
@@ -111,13 +110,10 @@ class Simulator(ReportingNode):
             f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
 
     def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
-        name, file = given.get('scene'), given.get('gears')
+        name, pair = given.get('scene'), pair_of(given)
         values = find_scene(str(name)).steps[0].parameters if name else {}
-        changes = {name: given[name] for name in QUANTITIES if name in given}
-        # The restitution alone is a parameter of the model.
-        if not file and not changes.keys() - {'restitution'}:
+        if pair is None:
             return values
-        pair = read_gears(file, **changes)
         for line in pair.warnings():
             self.get_logger().warning(line)
         self._ratio = pair.driven_radius_m / pair.driver_radius_m

@@ -27,11 +27,15 @@ from .base.event_input import EventInput
 from .base.node import ReportingNode
 from .base.process import run_node
 from ..core.flight.simulation import Simulation
+from ..core.gears import Gears
 from ..core.model import EventArray, EventKind, Parameters, State
 from ..core.orbits.letters import LETTERS
+from ..core.stream.rattle import rattle_of, RunningRattle
 from ..core.stream.report_values import transient_values
 from ..core.stream.transients import Regime, TransientDetector, TransientReport
+from ..gear_pairs import pair_of
 from ..messages import diagnostic_array, named_values
+from ..parameters import Value
 from ..qos import LATCHED, STREAM
 
 # What last_impact has of the record of an impact.
@@ -39,14 +43,19 @@ SHOWN: Final = ('velocity', 'velocity_after', 'phase', 'displacement', 'alpha', 
 
 
 class Transients(ReportingNode):
-    """Feeds the stream to a TransientDetector and publishes every change."""
+    """Feeds the stream to a TransientDetector and publishes every change; and the rattle."""
+
+    _gears: Gears | None = None
 
     def __init__(self, **options: Any) -> None:
         super().__init__('transients', **options)
         self._tolerance = self.number('tolerance')
+        unit = self._gears.scales.velocity_m_per_s if self._gears else 1.0
+        self._rattle = RunningRattle(self.number('rattle_above') / unit)
         # Compile the kernels before the first batch.
-        TransientDetector(self._tolerance).update(
-            Simulation(Parameters(), State()).advance(100, 0.0, 400))
+        some = Simulation(Parameters(), State()).advance(100, 0.0, 400)
+        TransientDetector(self._tolerance).update(some)
+        rattle_of(some)
         self._detector = TransientDetector(self._tolerance)
         self._attractor = _number_of(self._detector.report)
         self._last: Any = None
@@ -54,9 +63,16 @@ class Transients(ReportingNode):
         self._display = self.create_publisher(JointState, 'last_impact', STREAM)
         if self.number('display_rate') > 0.0:
             self.every(1.0 / self.number('display_rate'), self._show)
+        self._rattling = self.create_publisher(JointState, 'rattle', STREAM)
+        if self.number('rattle_rate') > 0.0:
+            self.every(1.0 / self.number('rattle_rate'), self._publish_rattle)
         self._input = EventInput(
             self, self._detector.guard, self._take, 'the search for an orbit begins again')
         self.get_logger().info('ready')
+
+    def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
+        self._gears = pair_of(given)
+        return self._gears.given if self._gears else {}
 
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         return self._input.report(
@@ -67,6 +83,8 @@ class Transients(ReportingNode):
 
     def _take(self, events: EventArray) -> None:
         changes = self._detector.update(events)
+        if self.number('rattle_rate') > 0.0:
+            self._rattle.update(events)
         # A hole is logged before what follows from it.
         self._input.health.log()
         for change in changes:
@@ -88,6 +106,12 @@ class Transients(ReportingNode):
             self._display.publish(named_values(
                 values | {'attractor': self._attractor}, self._input.stamp))
             self._last = None
+
+    def _publish_rattle(self) -> None:
+        now = self._rattle.take()
+        if now.duration > 0.0:
+            self._rattling.publish(named_values(
+                now.in_si(self._gears.scales) if self._gears else vars(now), self._input.stamp))
 
 
 def _number_of(report: TransientReport) -> float:

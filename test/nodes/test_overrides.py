@@ -15,6 +15,7 @@
 """Qualities of service, frames and scenes by parameters; the last impact at the display rate."""
 
 from collections.abc import Callable
+import math
 import re
 from xml.etree import ElementTree
 
@@ -139,6 +140,49 @@ def test_a_scene_is_played_and_its_values_can_be_overridden(rclpy_node: Node) ->
     with pytest.raises(ValueError, match="no scene 'nix'"):
         Simulator(context=rclpy_node.context, parameter_overrides=[
             Parameter('scene', value='nix')])
+
+
+def test_rattle_is_published_in_the_units_of_the_gear_pair(
+        rclpy_node: Node, spin: Callable) -> None:
+    """The backlash is 0.1 mm, so 1 is 0.1 mm times omega; a stretch ends where the next begins."""
+    pair = {'inertia_kg_m2': 1.4e-3, 'driver_radius_m': 0.04, 'driven_radius_m': 0.05,
+            'backlash_m': 1e-4, 'drag_n_m_s_per_rad': 0.02, 'torque_n_m': 0.05,
+            'drive_rad': 0.0017, 'frequency_hz': 50.0}
+    given = [Parameter(name, value=value) for name, value in pair.items()]
+    simulator = Simulator(context=rclpy_node.context, parameter_overrides=[
+        *given, Parameter('rate', value=400.0), Parameter('wait_for_readers', value=2),
+        Parameter('restitution', value=0.8)])
+    node = Transients(context=rclpy_node.context, parameter_overrides=[
+        *given, Parameter('rattle_rate', value=20.0)])
+    shown: list[dict[str, float]] = []
+    events: list[np.ndarray] = []
+    rclpy_node.create_subscription(JointState, 'rattle', lambda message: shown.append(
+        dict(zip(message.name, message.position, strict=True))), STREAM)
+    rclpy_node.create_subscription(PointCloud2, 'impacts', lambda cloud: events.append(
+        events_from_cloud(cloud)), STREAM_INPUT)
+    executor = SingleThreadedExecutor(context=rclpy_node.context)
+    for each in (node, simulator):
+        executor.add_node(each)
+
+    def is_there() -> bool:
+        executor.spin_once(timeout_sec=0.01)
+        return len(shown) > 9
+
+    spin(is_there)
+    stream = np.concatenate(events)
+    times = (stream['cycle'] + stream['phase'] / (2.0 * math.pi)) / 50.0
+    velocity = 1e-4 * 2.0 * math.pi * 50.0
+    begin, end = times[0], 0.0
+    for one in shown[:9]:
+        end = begin + one['duration_s']
+        mine = (times > begin + 1e-9) & (times < end + 1e-9) & (stream['kind'] <= 1)
+        speeds = velocity * np.abs(stream['velocity'][mine])
+        assert one['speed_peak_m_per_s'] == pytest.approx(np.max(speeds))
+        assert one['rate_upper_per_s'] + one['rate_lower_per_s'] == pytest.approx(
+            len(speeds) / one['duration_s'])
+        begin = end
+    for each in (node, simulator):
+        each.destroy_node()
 
 
 def test_the_last_impact_comes_at_the_display_rate(

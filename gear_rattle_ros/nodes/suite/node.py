@@ -166,6 +166,7 @@ class Suite:
         own: dict[str, dict[str, object]] = {
             'simulator': pair | {name: getattr(self._options, name) for name in NAMES} | {
                 'wait_for_readers': len(self._readers), 'wait_at_most': 0.0},
+            'transients': {name: value for name, value in pair.items() if name != 'restitution'},
             'recorder': {'output': str(self._folder / 'bag')},
             'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
         for name in ('simulator', *self._readers):
