@@ -27,6 +27,7 @@ from ..core.model import Parameters
 MODEL: Final = tuple(field.name for field in dataclasses.fields(Parameters))
 POINT: Final = 'point'
 BESIDE: Final = 'beside'
+WHICH: Final = 'which'
 LAYERS: Final = 'layers'
 
 
@@ -36,11 +37,14 @@ class Shown:
 
     view: View
     point: tuple[float, float]  # in the plane, of the trajectory that is shown [rad or 1, 1]
-    beside: float | None = None  # alpha of a second plane, if there is one [1]
+    beside: float | None = None  # parameter of a second plane, if there is one [1]
     layers: tuple[str, ...] = ()
+    which: str = 'alpha'  # that parameter
 
     def __post_init__(self) -> None:
-        # An alpha that cannot be is refused.
+        if self.which not in MODEL:
+            raise ValueError(f'which={self.which} is not one of {", ".join(MODEL)}')
+        # A value that cannot be is refused.
         _ = self.second
         for name in self.layers:
             if name not in NAMES:
@@ -49,7 +53,7 @@ class Shown:
     @property
     def second(self) -> View | None:
         """Return what the second plane shows."""
-        return None if self.beside is None else changed(self.view, 'alpha', self.beside)
+        return None if self.beside is None else changed(self.view, self.which, self.beside)
 
     def query(self) -> str:
         """Write it as the query of an address."""
@@ -60,7 +64,7 @@ class Shown:
                   for name in STATE if (value := getattr(view, name)) is not None}
         words[POINT] = _pair(self.point)
         if self.beside is not None:
-            words[BESIDE] = repr(self.beside)
+            words |= {BESIDE: repr(self.beside), WHICH: self.which}
         if self.layers:
             words[LAYERS] = ','.join(self.layers)
         return urlencode(words, safe=',')
@@ -80,7 +84,8 @@ class Shown:
         view = dataclasses.replace(self.view, parameters=parameters, **changes)
         return Shown(view, _numbers(POINT, words[POINT]) if POINT in words else self.point,
                      _number(BESIDE, words[BESIDE]) if BESIDE in words else self.beside,
-                     tuple(words[LAYERS].split(',')) if LAYERS in words else self.layers)
+                     tuple(words[LAYERS].split(',')) if LAYERS in words else self.layers,
+                     words.get(WHICH, self.which))
 
 
 def changed(view: View, name: str, value: float) -> View:

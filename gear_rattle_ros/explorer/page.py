@@ -32,6 +32,7 @@ from bokeh.models import (
     NumericInput,
     RadioButtonGroup,
     Row,
+    Select,
     Slider,
     Toggle,
 )
@@ -59,6 +60,8 @@ SLIDERS = (('alpha', 'α drive', 0.0, 2.0, 0.001), ('beta', 'β damping', 0.0, 1
            ('restitution', 'r restitution', 0.0, 1.0, 0.005),
            ('displacement', 's₀ initial', -1.0, 0.0, 0.01),
            ('phase', 'τ₀ initial', 0.0, TWO_PI, 0.01))
+# The same of what the second plane may differ in.
+SECOND = {each[0]: each[1:] for each in SLIDERS if each[0] in MODEL}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,7 +142,12 @@ class Page:
             row(*controls[1:3]), row(*controls[3:]),
             row(Div(text='initial conditions', width=110), self._plane), self._figures.motion,
             row(self._figures.section, self._figures.sequence))
-        self._other = self._control('beside', 'α of the second plane', (0.0, 2.0), 0.001)
+        which = Select(name='which', value=self._shown.which, width=RIGHT_WIDTH, options=[
+            (name, f'the second plane has another {words}')
+            for name, (words, *_) in SECOND.items()])
+        which.on_change('value', lambda attr, old, new: self._choose(new))
+        words, low, high, step = SECOND[self._shown.which]
+        self._other = column(which, self._control('beside', words, (low, high), step))
         self._second = column(self._other, visible=False)
         right = column(
             controls[0], self._first, self._second, row(self._layers, send, save), self._message,
@@ -164,7 +172,7 @@ class Page:
     def _value(self, name: str) -> float:
         view, beside = self._shown.view, self._shown.beside
         if name == 'beside':
-            return view.parameters.alpha if beside is None else beside
+            return float(getattr(view.parameters, self._shown.which)) if beside is None else beside
         if name in MODEL:
             return float(getattr(view.parameters, name))
         value = getattr(view, name)
@@ -207,12 +215,22 @@ class Page:
         slider.update(start=min(slider.start, value), end=max(slider.end, value), value=value)
         self._typed[name].value = value
 
+    def _choose(self, which: str) -> None:
+        """Let the second plane differ in another parameter; at first it is that of the first."""
+        shown = self._shown
+        beside = None if shown.beside is None else float(getattr(shown.view.parameters, which))
+        self._show(dataclasses.replace(shown, which=which, beside=beside))
+        value, (title, low, high, step) = self._value('beside'), SECOND[which]
+        self._sliders['beside'].update(title=title, start=min(low, value), end=max(high, value),
+                                       step=step, value=value)
+        self._typed['beside'].value = value
+
     def _toggle(self, attr: str, old: bool, new: bool) -> None:
         self._show(dataclasses.replace(
             self._shown, beside=float(self._typed['beside'].value) if new else None))
 
     def _ask_panes(self) -> None:
-        """Show the plane, and that at the second alpha or the trajectory in its place."""
+        """Show the plane, and the second one or the trajectory in its place."""
         shown, view = self._shown, self._shown.second
         self._pane.ask(shown.view, shown.point, shown.layers)
         self._second.visible = view is not None

@@ -15,7 +15,7 @@
 """The commands that steer a running simulator: set, get, reset, pause and resume."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import itertools
 import re
 import sys
@@ -33,8 +33,8 @@ from ..parameters import SIMULATOR
 from ..places import program
 
 # The numbers that a simulator has; all that can be set is one.
-_NUMBERS = {each.name: each for each in SIMULATOR if type(each.default) in (float, int)}
-_LIVE = [name for name, each in _NUMBERS.items() if not each.read_only]
+NUMBERS = {each.name: each for each in SIMULATOR if type(each.default) in (float, int)}
+LIVE = [name for name, each in NUMBERS.items() if not each.read_only]
 
 
 class _Parser(argparse.ArgumentParser):
@@ -51,22 +51,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser._negative_number_matcher = re.compile(r'^-[\d.]')
     parser.add_argument('--simulator', default='simulator', metavar='NODE',
                         help='its name, with its namespace; simulator by default')
+    known, form = (LIVE, 'NAME VALUE') if name == 'set' else (list(NUMBERS), 'NAME')
     if name in ('set', 'get'):
-        known, form = (_LIVE, 'NAME VALUE') if name == 'set' else (list(_NUMBERS), 'NAME')
         parser.add_argument('words', nargs='+' if name == 'set' else '*', metavar=form,
                             help=f'such as alpha; known are {", ".join(known)}')
     try:
         # What is for ROS, such as -r __ns:=/lab, rclpy takes from the command line itself.
         given = parser.parse_args(split_arguments(words)[0])
         words = getattr(given, 'words', [])
-        values = _values(words) if name == 'set' else {}
-        for word in values or words:
-            if word not in known:
-                raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
+        values = values_of(words) if name == 'set' else {}
+        require_known(values or words, known)
         warning = avoid_memory()
         if warning:
             print(f'{name}: {warning}', file=sys.stderr)
-        _steer(name, given.simulator, values, list(values or words or _LIVE))
+        _steer(name, given.simulator, values, list(values or words or LIVE))
     except (UserError, ValueError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
@@ -75,18 +73,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _values(words: Sequence[str]) -> dict[str, float]:
+def require_known(words: Iterable[str], known: Sequence[str]) -> None:
+    """Refuse what is not the name of such a parameter."""
+    for word in words:
+        if word not in known:
+            raise ValueError(f'{shown(word)} is not one of {", ".join(known)}')
+
+
+def values_of(words: Sequence[str]) -> dict[str, float]:
+    """Read names and values in turn; ValueError names what is not a number or out of range."""
     values: dict[str, float] = {}
     for name, text in itertools.zip_longest(words[::2], words[1::2]):
         try:
             values[name] = float(text)
         except (TypeError, ValueError):
             raise ValueError(f'{name} needs a number, not {shown(text or "nothing")}') from None
-        if name in _NUMBERS:
-            if isinstance(_NUMBERS[name].default, int) and values[name].is_integer():
+        if name in NUMBERS:
+            if isinstance(NUMBERS[name].default, int) and values[name].is_integer():
                 # A large seed has more digits than a float.
                 values[name] = int(text) if text.lstrip('+-').isdecimal() else int(values[name])
-            _NUMBERS[name].check(values[name])
+            NUMBERS[name].check(values[name])
     return values
 
 

@@ -28,7 +28,7 @@ HOME = Shown(View(), (4.0, -0.5))
 @pytest.mark.parametrize('shown', [HOME, Shown(
     View(Parameters(0.4812345678901234, 0.11, -0.1, 0.85), -0.25,
          (-1.2345678901234567, -1.2345670000000001), (-0.1, 0.30000000000000004), LIFETIMES),
-    (1e-17, -1.5), 1.2432027802, ('orbits', 'edge state')), Shown(
+    (1e-17, -1.5), 0.2432027802, ('orbits', 'edge state'), 'gamma'), Shown(
     View(displacement=(-0.9, -0.1), phase=1.5, on='strobe'), (-0.25, 0.5)), Shown(
     View(phase=(1.0, 2.0), on='section'), (1.5, -0.5))])
 def test_what_is_shown_comes_back_to_the_bit(shown: Shown) -> None:
@@ -40,6 +40,8 @@ def test_what_is_shown_comes_back_to_the_bit(shown: Shown) -> None:
     ('alpha=much', 'alpha=much in the address is not a number'),
     ('alpha=-1', 'alpha = -1.0 is outside'),
     ('beside=-1', 'alpha = -1.0 is outside'),
+    ('beside=1.5&which=restitution', 'restitution = 1.5 is outside'),
+    ('which=phase', 'which=phase is not one of alpha, beta'),
     ('phase=1', 'phase=1 in the address is not two numbers'),
     ('velocity=1,x', 'velocity=x in the address is not a number'),
     ('velocity=1,0', 'empty or reversed'),
@@ -56,6 +58,13 @@ def test_an_address_that_cannot_be_is_refused(query: str, line: str) -> None:
              for name, values in parse_qs(query).items()}
     with pytest.raises(ValueError, match=line):
         HOME.given(words)
+
+
+def test_the_second_plane_has_another_value_of_one_parameter() -> None:
+    """It is alpha where the address, as older ones, does not name another."""
+    for query, expected in (({'beside': [b'0.57']}, Parameters(alpha=0.57)),
+                            ({'beside': [b'0.2'], 'which': [b'gamma']}, Parameters(gamma=0.2))):
+        assert HOME.given(query).second == View(expected)
 
 
 def test_what_is_not_given_stays() -> None:

@@ -161,6 +161,9 @@ def test_a_view_can_be_sent_by_its_address(tab: Tab) -> None:
     gamma.fill('0.12')
     gamma.press('Enter')
     tab.page.get_by_text('compare').click()
+    tab.page.locator('select').last.select_option(index=2)
+    tab.wait("location.search.includes('beside=0.12&which=gamma')")
+    tab.page.locator('select').last.select_option(index=0)
     second = tab.page.locator('input').last
     second.fill('0.57')
     second.press('Enter')

@@ -174,7 +174,7 @@ def test_keys_of_xterm_and_rxvt_come_in_any_pieces() -> None:
 def test_typed_line_can_be_mended_and_given_up() -> None:
     """Backspace takes the last one away, Escape everything."""
     entry = Entry('')
-    assert [entry.take(key) for key in ('0', '.', '7', 'backspace', '6', 'x')] == [None] * 6
+    assert [entry.take(key) for key in ('0', '.', '7', 'backspace', '6', 'up')] == [None] * 6
     assert entry.take('enter') == '0.6'
     assert Entry('').take('escape') == ''
 
@@ -212,6 +212,31 @@ def test_steers_a_simulator_in_another_namespace(start, teleop, rclpy_node, spin
     screen.press(b'q')
     screen.wait_for('<status 0>')
     assert screen.settings() == screen.before
+
+
+def test_any_parameter_is_stepped_or_typed(start, teleop, rclpy_node, spin) -> None:
+    """A key or a typed name is what the arrows change; names and values are set together."""
+    start('simulator', '--ros-args', '-p', 'restitution:=0.995')
+    get, _ = calls(rclpy_node, spin, '/simulator')
+    screen = teleop()
+    screen.wait_for('/simulator is here')
+    screen.press(b'pp')
+    screen.wait_for('arrows: gamma')
+    screen.press(DOWN * 12)
+    spin(lambda: get('gamma', 'alpha') == [-0.02, 0.48])
+    screen.press(b'trestitution\r')
+    screen.wait_for('arrows: restitution')
+    screen.press(UP)
+    # No further than it may be.
+    spin(lambda: get('restitution') == [1.0])
+    screen.press(b'tbeta 0.2 noise 1e-3\r')
+    spin(lambda: get('beta', 'noise') == [0.2, 1e-3])
+    screen.press(b'tnois 0.2\r')
+    screen.wait_for("'nois' is not one of alpha")
+    screen.press(b'tbeta x\r')
+    screen.wait_for('beta needs a number')
+    screen.press(b'q')
+    screen.wait_for('<status 0>')
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@
 
 """The keyboard control: steers a simulator from a terminal."""
 
+from collections.abc import Callable
 import math
 import signal
 import sys
@@ -29,6 +30,7 @@ from ..base.client import ClientError, RefusalError, SimulatorClient
 from ..base.errors import UserError
 from ..base.node import BaseNode
 from ..base.process import exit_status, Stop
+from ..steering import LIVE, NUMBERS, require_known, values_of
 from ...scenes import load_scenes, Performance
 
 # How long to wait for a key, while an answer is awaited and otherwise [s].
@@ -36,6 +38,8 @@ SOON, LATER = 0.02, 0.1
 MORE = ('up', 'right', 'shift-up', 'shift-right')
 LESS = ('down', 'left', 'shift-down', 'shift-left')
 SHOWN = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitution', 'noise', 'rate')
+# What the arrows may change, in the order of the key.
+STEPPED = ('alpha', 'beta', 'gamma', 'restitution', 'noise')
 # Interval at which the parameters are read, besides every change [s].
 LOOK_EVERY = 0.25
 
@@ -55,12 +59,14 @@ class Teleop(BaseNode):
         self._scenes = list(load_scenes().values())[:9]
         self._coarse, self._fine = self.number('coarse'), self.number('fine')
         self._entry: Entry | None = None
+        self._entered: Callable[[str], None] = self._begin_ramp
+        self._name = STEPPED[0]
         self._scene = ''
         self._performance: Performance | None = None
         # Time of the scene, which stops during a pause [s].
         self._played = 0.0
         self._before = time.monotonic()
-        # The alpha that the arrows ask for while requests are open [1]; whether one is due.
+        # The value that the arrows ask for while requests are open [1]; whether one is due.
         self._aim: float | None = None
 
     def help_text(self) -> str:
@@ -69,8 +75,10 @@ class Teleop(BaseNode):
             for number, scene in enumerate(self._scenes, 1))
         return (
             f'The keyboard steers {self.simulator.name}:\n'
-            f'  arrows   alpha: up and right add {self._coarse:g}, down and left subtract it; '
-            f'with shift {self._fine:g}\n'
+            f'  arrows   one parameter: up and right add {self._coarse:g}, down and left subtract '
+            f'it; with shift {self._fine:g}\n'
+            f'  p        which one: {", ".join(STEPPED)}\n'
+            '  t        type names and values, such as beta 0.2; a name alone is for the arrows\n'
             '  space    pause and continue\n'
             '  r        reset to the initial condition\n'
             '  a        ramp of alpha: type the target and, if you like, the step per drive '
@@ -90,6 +98,8 @@ class Teleop(BaseNode):
         if values['alpha_rate'] > 0.0:
             alpha += f' -> {values["alpha_target"]:g} by {values["alpha_rate"]:g}'
         speed = f'{values["rate"]:g} periods/s' if values['rate'] > 0.0 else 'full speed'
+        if self._name != 'alpha':
+            alpha += f' | arrows: {self._name}'
         parts = [alpha, 'paused' if self._paused else speed]
         if self._performance is not None:
             parts.append(f'scene {self._scene}')
@@ -105,7 +115,8 @@ class Teleop(BaseNode):
             text = self._entry.take(key)
             if text is not None:
                 self._entry = None
-                self._begin_ramp(text)
+                if text:
+                    self._entered(text)
             return ''
         if key == 'q':
             self.is_over = True
@@ -135,7 +146,7 @@ class Teleop(BaseNode):
 
     def _ask(self, now: float) -> None:
         if self._is_due and self._aim is not None:
-            self.simulator.put({'alpha': self._aim})
+            self.simulator.put({self._name: self._aim})
             self._is_due = False
         else:
             self._aim = None
@@ -164,9 +175,11 @@ class Teleop(BaseNode):
     def _steer(self, key: str) -> None:
         if key in MORE + LESS:
             step = self._fine if key.startswith('shift') else self._coarse
-            before = self._values['alpha'] if self._aim is None else self._aim
+            before = self._values[self._name] if self._aim is None else self._aim
+            low, high = NUMBERS[self._name].low, NUMBERS[self._name].high
+            assert low is not None and high is not None
             # Steps of 0.01 must lead to multiples of 0.01.
-            self._aim = max(round(before + (step if key in MORE else -step), 12), 0.0)
+            self._aim = min(max(round(before + (step if key in MORE else -step), 12), low), high)
             self._performance, self._is_due = None, True
         elif key == 'space':
             self._pause(not self._paused)
@@ -174,6 +187,12 @@ class Teleop(BaseNode):
             self.simulator.reset(self._note)
         elif key == 'a':
             self._entry = Entry('ramp alpha to (Escape cancels): ')
+            self._entered = self._begin_ramp
+        elif key == 't':
+            self._entry = Entry('set (NAME VALUE, or NAME for the arrows; Escape cancels): ')
+            self._entered = self._set
+        elif key == 'p':
+            self._choose(STEPPED[(STEPPED.index(self._name) + 1) % len(STEPPED)])
         elif key.isdigit() and 1 <= int(key) <= len(self._scenes):
             scene = self._scenes[int(key) - 1]
             self._scene, self._performance = scene.name, Performance(scene.steps)
@@ -181,9 +200,24 @@ class Teleop(BaseNode):
             if self._paused:
                 self._pause(False)
 
-    def _begin_ramp(self, text: str) -> None:
-        if not text:
+    def _choose(self, name: str) -> None:
+        self._name, self._aim, self._is_due, self._words = name, None, False, f'arrows: {name}'
+
+    def _set(self, text: str) -> None:
+        words = text.split()
+        if len(words) == 1 and words[0] in STEPPED:
+            self._choose(words[0])
             return
+        try:
+            values = values_of(words)
+            require_known(values, LIVE)
+        except ValueError as error:
+            self._words = str(error)
+            return
+        self._performance, self._aim, self._is_due, self._words = None, None, False, ''
+        self.simulator.put(values)
+
+    def _begin_ramp(self, text: str) -> None:
         try:
             target, *rates = map(float, text.split())
             rate, = rates or [self.number('ramp_rate')]
@@ -199,7 +233,7 @@ class Teleop(BaseNode):
         step = performance.due(self._played, alpha)
         if step is not None:
             self.simulator.begin(step, self._note)
-            self._aim = step.parameters.get('alpha', self._aim)
+            self._aim = step.parameters.get(self._name, self._aim)
         elif performance.is_over(self._played, alpha):
             self._performance = None
             self._words = f'scene {self._scene} is over; the simulator keeps running'
