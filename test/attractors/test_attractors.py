@@ -26,7 +26,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.attractors import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNSETTLED
-from gear_rattle_ros.core.model import Parameters, State
+from gear_rattle_ros.core.model import EventKind, Parameters, State
 from gear_rattle_ros.store.store import open_dataset
 
 
@@ -136,6 +136,21 @@ def test_an_orbit_that_sticks_is_recognised():
     # Released where a(tau, 0) = 0, the gear is at the other end of the orbit a flight later.
     assert abs(orbit.velocities).min() < 1e-9
     assert np.all(catalogue.labels != UNSETTLED)
+
+
+def test_an_orbit_that_sticks_has_whole_drive_periods():
+    """
+    What is seen of it may begin with a stick that is not on it, but the release after it is.
+
+    Between two releases of such an orbit the simulation counts the drive periods.
+    """
+    parameters = Parameters(0.68, 0.12180224, 0.51925843, 0.8)
+    for orbit in search(parameters, 100, hold=20_000).orbits:
+        assert np.sum(orbit.flight_times) == pytest.approx(2.0 * np.pi * orbit.drive_periods)
+        simulation = Simulation(parameters, State())
+        events = simulation.advance(200, 0.0, 100_000)
+        releases = events[events['kind'] == EventKind.RELEASE]
+        assert set(np.diff(releases['cycle'].astype(int))[5:]) == {orbit.drive_periods}
 
 
 def test_the_tool_writes_what_it_prints(tmp_path, capsys):

@@ -21,7 +21,7 @@ import numpy as np
 from .neighbourhood import attracted
 from ..arrays import RecordArray
 from ..compiled import kernel
-from ..flight.closed_form import sticks, wall_of
+from ..flight.closed_form import release_delay, sticks, wall_of
 from ..flight.elementary import TWO_PI
 from ..model import Model, Parameters, Wall
 from ..orbits.orbit import close_near, Orbit
@@ -68,6 +68,11 @@ def with_neighbourhood(orbit: Orbit, tolerance: float) -> Orbit | None:
 
 def _observed(parameters: Parameters, row: RecordArray, sticks: Wall) -> Orbit:
     times = np.diff(row['cycle']) * TWO_PI + np.diff(row['phase'])
+    # The two may stick at other phases; what follows is the same from the release on.
+    first, last = (release_delay(sticks.displacement, row['phase'][k], parameters.model)
+                   for k in (0, -1))
+    periods = round((float(np.sum(times)) + last - first) / TWO_PI)
+    times[0] += TWO_PI * periods - float(np.sum(times))
     return Orbit(parameters, np.signbit(row['velocity'][1:]).astype(np.int64),
                  np.stack([row['phase'][1:], row['velocity'][1:]], axis=1), times,
-                 int(row['cycle'][-1] - row['cycle'][0]), np.zeros(2, np.complex128), int(sticks))
+                 periods, np.zeros(2, np.complex128), int(sticks))
