@@ -206,8 +206,8 @@ VIEWER: Final = (
 )
 TELEOP: Final = (
     _fixed('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),
-    _fixed('coarse', 0.01, 'step of alpha by an arrow key', low=1e-12, high=10.0),
-    _fixed('fine', 0.0005, 'step of alpha by an arrow key with shift', low=1e-12, high=10.0),
+    _fixed('coarse', 0.01, 'step of a parameter by an arrow key', low=1e-12, high=10.0),
+    _fixed('fine', 0.0005, 'step of a parameter by an arrow key with shift', low=1e-12, high=10.0),
     _fixed('ramp_rate', 1e-5, 'change of alpha in a ramp where none is typed', '1 per drive '
            'period', 1e-12, 1.0),
 )

@@ -62,7 +62,8 @@ _BASIN: Final = ('basin', 'attractors', 'basin_state', 'skeleton')
 OVERRIDABLE: Final[Mapping[str, Mapping[str, Sequence[str]]]] = {
     'simulator': {'publisher': ('impacts', 'joint_states', '/clock')},
     'lyapunov': {'publisher': ('lyapunov',), 'subscription': ('impacts',)},
-    'transients': {'publisher': ('transient', 'last_impact', 'rattle'), 'subscription': ('impacts',)},
+    'transients': {'publisher': ('transient', 'last_impact', 'rattle'),
+                   'subscription': ('impacts',)},
     'basin': {'publisher': (*_BASIN, 'smallest_kick')},
     'recorder': {'subscription': ('impacts', 'joint_states', 'lyapunov', 'transient',
                                   'last_impact', 'rattle', *_BASIN, 'smallest_kick')},

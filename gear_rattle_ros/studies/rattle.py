@@ -14,11 +14,10 @@
 
 """Rattle of a gear pair: whether, how often and how hard, at one speed or in a run-up."""
 
-import dataclasses
 import functools
 import json
 import math
-from typing import Any, Final, NamedTuple, Unpack
+from typing import Final, NamedTuple, Unpack
 
 import numpy as np
 
@@ -70,7 +69,7 @@ class _State(NamedTuple):
 
 
 @Study
-def rattle(gears: Gears, plane: Plane | None = None, *,
+def rattle(pair: Gears, plane: Plane | None = None, *,
            run_up: tuple[float, float] | None = None, points: int = 61, above: float = 0.0,
            orders: int = 20, periods: int = 200, initial_conditions: int = 300,
            seed: int = SEED, hold: int = 20_000, tolerance: float = TOLERANCE,
@@ -85,7 +84,7 @@ def rattle(gears: Gears, plane: Plane | None = None, *,
 
     Parameters
     ----------
-    gears : Gears
+    pair : Gears
         The gear pair.
     plane, initial_conditions, seed
         The window from which initial conditions are drawn, how many, and their seed.
@@ -105,17 +104,17 @@ def rattle(gears: Gears, plane: Plane | None = None, *,
     """
     require_tolerance(tolerance)
     require_finite('above', above, 0.0, math.inf)
-    name = 'frequency_hz' if gears.speed_rpm is None else 'speed_rpm'
-    pairs, asked = [gears], {}
+    name = 'frequency_hz' if pair.speed_rpm is None else 'speed_rpm'
+    pairs, asked = [pair], {}
     if run_up is not None:
         if not 0.0 < run_up[0] < run_up[1] < math.inf:
             raise ValueError(f'run-up {run_up[0]:g} to {run_up[1]:g} is not from a positive '
                              f'{name} to a higher one')
-        pairs = [gears.at(**{name: float(value)}) for value in np.linspace(*run_up, points)]
+        pairs = [pair.at(**{name: float(value)}) for value in np.linspace(*run_up, points)]
         asked = {'run_up': list(run_up), 'points': points}
     work, plane = Work(**options), plane or Plane()
     store = work.begin(Layout((), (), identity_of(
-        NAME, gears.parameters, plane, gears=json.dumps(gears.given), above=above, orders=orders,
+        NAME, pair.parameters, plane, gears=json.dumps(pair.given), above=above, orders=orders,
         periods=periods, initial_conditions=initial_conditions, seed=seed, hold=hold,
         tolerance=tolerance, **asked), {'title': 'Rattle of a gear pair'}))
     if not store.pending():
@@ -130,7 +129,7 @@ def rattle(gears: Gears, plane: Plane | None = None, *,
             _measure, pairs, plane, above, orders, periods, initial_conditions, seed, hold,
             tolerance), list(range(len(pairs))), finished)
     _write(store, pairs, [found[number] for number in range(len(pairs))], orders)
-    store.set_attributes({'onset_hz': gears.onset_hz})
+    store.set_attributes({'onset_hz': pair.onset_hz})
     store.mark(0)
     return store
 
@@ -245,23 +244,25 @@ def describe(dataset: Arrays) -> str:
                      f'{axis[least]:.6g} {unit}')
     above = f' from {1e3 * a["above"]:g} mm/s' if a['above'] else ''
     points = dataset['state_point'].values
-    columns = {
-        f' {unit}': [f'{axis[k]:.6g}' for k in points], ' lift [1]': [
-            f'{lift[k]:.3f}' for k in points], 'answer': [answers[k] for k in points],
-        'motion': dataset['state_key'].values.tolist(),
-        ' share [%]': column('state_share', '.1f', 100.0),
-        'flanks': dataset['state_mode'].values.tolist(),
-        ' in contact [%]': [f'{100.0 * value:.1f}' for value in (
-            dataset['state_contact_upper'].values + dataset['state_contact_lower'].values)],
-        f' impacts/s{above}: upper': column('state_rate_upper_per_s', '.4g'),
-        ' lower': column('state_rate_lower_per_s', '.4g'),
-        ' rms [mm/s]': column('state_speed_rms_m_per_s', '.4g', 1e3),
-        ' mean': column('state_speed_mean_m_per_s', '.4g', 1e3),
-        ' peak': column('state_speed_peak_m_per_s', '.4g', 1e3),
-        ' impulse, peak [N s]': column('state_impulse_peak_n_s', '.3g'),
-        ' force, upper [N]': column('state_force_upper_n', '.3g'),
-        ' lower': column('state_force_lower_n', '.3g'),
-        ' lost [mW]': column('state_power_lost_w', '.3g', 1e3),
-        ' index [1]': column('state_rattle_index', '.3f')}
-    return '\n'.join(['; '.join(words), in_columns(
-        [*columns], [[str(cell) for cell in row] for row in zip(*columns.values(), strict=True)])])
+    columns = [
+        (f' {unit}', [f'{axis[k]:.6g}' for k in points]),
+        (' lift [1]', [f'{lift[k]:.3f}' for k in points]),
+        ('answer', [answers[k] for k in points]),
+        ('motion', dataset['state_key'].values.tolist()),
+        (' share [%]', column('state_share', '.1f', 100.0)),
+        ('flanks', dataset['state_mode'].values.tolist()),
+        (' in contact [%]', [f'{100.0 * value:.1f}' for value in (
+            dataset['state_contact_upper'].values + dataset['state_contact_lower'].values)]),
+        (f' impacts/s{above}: upper', column('state_rate_upper_per_s', '.4g')),
+        (' lower', column('state_rate_lower_per_s', '.4g')),
+        (' rms [mm/s]', column('state_speed_rms_m_per_s', '.4g', 1e3)),
+        (' mean', column('state_speed_mean_m_per_s', '.4g', 1e3)),
+        (' peak', column('state_speed_peak_m_per_s', '.4g', 1e3)),
+        (' impulse, peak [N s]', column('state_impulse_peak_n_s', '.3g')),
+        (' force, upper [N]', column('state_force_upper_n', '.3g')),
+        (' lower', column('state_force_lower_n', '.3g')),
+        (' lost [mW]', column('state_power_lost_w', '.3g', 1e3)),
+        (' index [1]', column('state_rattle_index', '.3f'))]
+    headings, cells = zip(*columns, strict=True)
+    return '\n'.join(['; '.join(words), in_columns(headings, [
+        [*row] for row in zip(*cells, strict=True)])])

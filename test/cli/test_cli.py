@@ -95,8 +95,8 @@ def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path
 
 @pytest.mark.parametrize('name', [
     'attractors', 'basins', 'boundary', 'continuation', 'crisis', 'exponents', 'lifetimes',
-    'manifolds', 'motion', 'orbit_diagram', 'orbits', 'saddle', 'section', 'stability',
-    'transitions'])
+    'manifolds', 'motion', 'orbit_diagram', 'orbits', 'rattle', 'saddle', 'section',
+    'stability', 'transitions'])
 def test_options_and_functions_have_the_same_defaults(name):
     """The command without options does what the function without arguments does."""
     parser = Parser(name)

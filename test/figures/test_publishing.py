@@ -28,7 +28,9 @@ import xarray
 from gear_rattle_ros import open_dataset
 from gear_rattle_ros.cli.draw import main
 from gear_rattle_ros.figures.draw import draw, PICTURES, save
+from gear_rattle_ros.places import config_folder
 
+GEARS = config_folder('gears') / 'example.yaml'
 SEARCH = '--initial-conditions 40 --hold 1000'
 COMMANDS = {
     'attractors': SEARCH,
@@ -40,6 +42,7 @@ COMMANDS = {
     'manifolds': f'--orbit orbit-2-1-U5.4554+0.8585 --length 3 --size 12 {SEARCH}',
     'motion': f'--periods 2 {SEARCH}',
     'orbit_diagram': '--columns 4 --bins 50 --trajectories 2 --keep 64 --skip 100',
+    'rattle': f'--gears {GEARS} --run-up 400 500 --points 2 --periods 5 {SEARCH}',
     'saddle': f'--straddled 160 --sprinkled 400 {SEARCH}',
     'stability': f'--size 12 {SEARCH} --erosion 0.47 0.48 --columns 2 --trajectories 20',
     'orbits': f'--impacts 3 --points 64 --size 12 {SEARCH}',

@@ -30,10 +30,12 @@ from gear_rattle_ros.cli import (
     lifetimes,
     motion,
     orbit_diagram,
+    rattle,
     section,
     stability,
     transitions,
 )
+from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.store.store import open_dataset
 
 SMALL = {
@@ -49,6 +51,8 @@ SMALL = {
     motion: '--periods 2 --initial-conditions 20 --hold 1000',
     orbit_diagram: '--alpha 0.48 0.5 --columns 3 --bins 20 --trajectories 3 --skip 100 '
                    '--keep 256',
+    rattle: f'--gears {config_folder("gears")}/example.yaml --run-up 400 500 --points 2 --periods '
+            '5 --initial-conditions 5 --hold 1000',
     section: '--alpha 0.48 --trajectories 3 --keep 300 --skip 10 --bins 9 8',
     stability: '--size 6 --initial-conditions 20 --hold 1000 --cap 1000 --to 0.5',
     transitions: '--alpha 0.10 0.101 --columns 2 --trajectories 4 --hold 500 --keep 256'}
