@@ -140,7 +140,7 @@ def state_on(chosen: Attractor, catalogue: Catalogue) -> RecordArray:
 
 
 def follow(parameters: Parameters, start: Any, skip: int, periods: int, whole: bool
-            ) -> EventArray:
+           ) -> EventArray:
     """Return the events of some drive periods, with records at both ends, `whole` from phase 0."""
     simulation = Simulation(parameters, State(0, *(float(start[name]) for name in STATE)))
     while simulation.impacts < skip and not simulation.is_permanently_at_rest:

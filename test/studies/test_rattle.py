@@ -26,9 +26,10 @@ from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.figures.rattle import save_wav
 from gear_rattle_ros.gear_pairs import read_gears
 
-IDLER = dict(inertia_kg_m2=1.4e-3, driver_radius_m=0.04, driven_radius_m=0.05, backlash_m=1e-4,
-             drag_n_m_s_per_rad=0.02, torque_n_m=0.05, drive_rad=0.0017, order=2.0,
-             speed_rpm=850.0, restitution=0.8)
+IDLER = {
+    'inertia_kg_m2': 1.4e-3, 'driver_radius_m': 0.04, 'driven_radius_m': 0.05,
+    'backlash_m': 1e-4, 'drag_n_m_s_per_rad': 0.02, 'torque_n_m': 0.05, 'drive_rad': 0.0017,
+    'order': 2.0, 'speed_rpm': 850.0, 'restitution': 0.8}
 
 
 @pytest.fixture(scope='module')
