@@ -15,6 +15,7 @@
 """Rattle in numbers: how often and how hard the flanks hit, what that costs, its spectrum."""
 
 import dataclasses
+import itertools
 import math
 from typing import Final
 
@@ -23,12 +24,18 @@ import numpy.typing as npt
 
 from .guard import StreamGuard
 from .lyapunov import has_stuck
+from .reconstruction import drive_phases
 from ..arrays import FloatArray, RecordArray
 from ..compiled import kernel
-from ..flight.elementary import TWO_PI
+from ..flight.closed_form import elapsed, model_of
+from ..flight.elementary import sine_cosine, TWO_PI
 from ..gears import Scales
 from ..model import EVENT, EventArray, EventKind
 
+STICK, RESET = int(EventKind.STICK), int(EventKind.RESET)
+# What is added up; of what has two places the first is for the upper flank.
+(DURATION, IMPACTS, IMPULSE, IMPULSE_PEAK, LOSS, LOSS_PEAK, SPEED, SQUARE, SPEED_PEAK, PRESSED,
+ GIVEN, DRAG, COUNT, _, CONTACT, _, FORCE, _, SUMS) = range(19)
 # Taps of the low-pass filter of a sound to each side of an impact.
 TAPS: Final = 16
 
@@ -85,32 +92,77 @@ class Rattle:
 
 
 @kernel
-def held(events: RecordArray, is_held: npt.NDArray[np.bool_]) -> None:
-    """Find between which events the gear is held by a wall."""
-    for i in range(len(events) - 1):
-        is_held[i] = has_stuck(events[i], events[i + 1])
+def measure(total: FloatArray, last: RecordArray, events: RecordArray, above: float) -> None:
+    """Add what happens from each event to the next; a RESET clears all that was before it."""
+    # `last` is the event before, and becomes the last of these. Forces are those on a flank.
+    sin_1, cos_1 = sine_cosine(last[0].phase)
+    for i in range(len(events)):
+        before = events[i - 1] if i else last[0]
+        after = events[i]
+        sin_0, cos_0 = sin_1, cos_1
+        sin_1, cos_1 = sine_cosine(after.phase)
+        if after.kind == RESET:
+            total[:] = 0.0
+            continue
+        d = elapsed(np.int64(np.int32(np.uint32(after.cycle) - np.uint32(before.cycle))),
+                    before.phase, after.phase)
+        alpha, beta, gamma, _ = model_of(before)
+        wall = 0 if after.displacement == 0.0 else 1
+        total[DURATION] += d
+        # Energy of the gear's own motion, which between impacts only load and drag change.
+        load = gamma * (after.displacement - before.displacement - alpha * (sin_1 - sin_0))
+        rise = 0.5 * ((after.velocity - alpha * cos_1)**2
+                      - (before.velocity_after - alpha * cos_0)**2)
+        drag = load - rise
+        if has_stuck(before, after):
+            # It follows its flank with the speed -alpha cos tau.
+            force = gamma * d + alpha * (cos_1 - cos_0 + beta * (sin_1 - sin_0))
+            drag = 0.5 * beta * alpha**2 * (d + sin_1 * cos_1 - sin_0 * cos_0)
+            total[CONTACT + wall] += d
+            total[FORCE + wall] += force
+            total[PRESSED] += abs(force)
+            total[GIVEN] += rise + drag - load
+        total[DRAG] += drag
+        if after.kind > STICK:
+            continue
+        speed, slower = abs(after.velocity), abs(after.velocity_after)
+        jump, loss = after.velocity - after.velocity_after, 0.5 * (speed**2 - slower**2)
+        total[IMPACTS] += 1.0
+        total[FORCE + wall] += jump
+        total[GIVEN] += jump * alpha * cos_1
+        total[IMPULSE] += abs(jump)
+        total[IMPULSE_PEAK] = max(total[IMPULSE_PEAK], abs(jump))
+        total[LOSS] += loss
+        total[LOSS_PEAK] = max(total[LOSS_PEAK], loss)
+        if speed >= above and speed > 0.0:
+            total[COUNT + wall] += 1.0
+            total[SPEED] += speed
+            total[SQUARE] += speed**2
+            total[SPEED_PEAK] = max(total[SPEED_PEAK], speed)
+    if len(events):
+        last[0] = events[len(events) - 1]
 
 
-@dataclasses.dataclass(frozen=True)
-class _Intervals:
-    """What happens between events and at the later of them, forces as of the gear on a flank."""
-
-    before: EventArray
-    after: EventArray
-    tau: FloatArray  # of `before`, from the beginning of the first drive period
-    length: FloatArray
-    is_held: npt.NDArray[np.bool_]
-    jump: FloatArray  # impulse at the end; 0 where there is no impact
-
-    @classmethod
-    def of(cls, events: EventArray) -> '_Intervals':
-        events = np.ascontiguousarray(events)
-        is_held = np.zeros(len(events), np.bool_)
-        held(events, is_held)
-        before, after = events[:-1], events[1:]
-        tau = TWO_PI * (events['cycle'] - events['cycle'][:1]).astype(np.float64) + events['phase']
-        return cls(before, after, tau[:-1], np.diff(tau), is_held[:-1], np.where(
-            after['kind'] <= EventKind.STICK, after['velocity'] - after['velocity_after'], 0.0))
+def _report(total: FloatArray) -> Rattle:
+    duration = float(total[DURATION])
+    if not duration > 0.0:
+        return Rattle(0.0)
+    one = total.tolist()
+    impacts, counted = one[IMPACTS], one[COUNT] + one[COUNT + 1]
+    shaken = one[IMPULSE] + one[PRESSED]
+    some = {} if not impacts else {
+        'impulse_mean': one[IMPULSE] / impacts, 'impulse_peak': one[IMPULSE_PEAK],
+        'loss_mean': one[LOSS] / impacts, 'loss_peak': one[LOSS_PEAK]}
+    if counted:
+        some |= {'speed_rms': math.sqrt(one[SQUARE] / counted),
+                 'speed_mean': one[SPEED] / counted, 'speed_peak': one[SPEED_PEAK]}
+    return Rattle(
+        duration, one[COUNT] / duration, one[COUNT + 1] / duration,
+        contact_upper=one[CONTACT] / duration, contact_lower=one[CONTACT + 1] / duration,
+        force_upper=one[FORCE] / duration, force_lower=-one[FORCE + 1] / duration + 0.0,
+        power_in=one[GIVEN] / duration, power_lost=one[LOSS] / duration,
+        power_drag=one[DRAG] / duration,
+        rattle_index=one[IMPULSE] / shaken if shaken else 0.0, **some)
 
 
 def rattle_of(events: EventArray, above: float = 0.0) -> Rattle:
@@ -120,54 +172,17 @@ def rattle_of(events: EventArray, above: float = 0.0) -> Rattle:
     Parameters
     ----------
     events : ndarray of EVENT, shape (n,)
-        Records in order, none missing between them, no RESET but the first. The stretch is from
-        the first to the last.
+        Records in order, none missing between them. The stretch is from the first, or the last
+        RESET, to the last.
     above : float
         Approach speed from which impacts count for rates and speeds [1].
 
     """
-    if len(events) < 2 or not (one := _Intervals.of(events)).length.sum() > 0.0:
-        return Rattle(0.0)
-    before, after, d, p = one.before, one.after, one.length, one.jump
-    total = float(np.sum(d))
-    alpha, beta, gamma = (before[name] for name in ('alpha', 'beta', 'gamma'))
-    (sin_0, cos_0), (sin_1, cos_1) = (
-        (np.sin(each['phase']), np.cos(each['phase'])) for each in (before, after))
-    is_hit = after['kind'] <= EventKind.STICK
-    is_upper = after['displacement'] == 0.0
-    speed, slower = np.abs(after['velocity']), np.abs(after['velocity_after'])
-    loss = 0.5 * (speed - slower) * (speed + slower)
-    counts = is_hit & (speed >= above) & (speed > 0.0)
-
-    def mean(values: FloatArray) -> float:
-        return float(np.sum(values)) / total
-
-    # The gear follows its flank while it is held, with the speed -alpha cos tau.
-    force = np.where(one.is_held, gamma * d + alpha * (
-        cos_1 - cos_0 + beta * (sin_1 - sin_0)), 0.0)
-    # Energy of its own motion, which between impacts only load and drag change.
-    load = gamma * (after['displacement'] - before['displacement'] - alpha * (sin_1 - sin_0))
-    rise = 0.5 * ((after['velocity'] - alpha * cos_1)**2
-                  - (before['velocity_after'] - alpha * cos_0)**2)
-    drag = np.where(one.is_held, beta * alpha**2 * (
-        0.5 * d + 0.5 * (sin_1 * cos_1 - sin_0 * cos_0)), load - rise)
-    given = p * alpha * cos_1 + np.where(one.is_held, rise + drag - load, 0.0)
-    impulses, losses, speeds = np.abs(p[is_hit]), loss[is_hit], speed[counts]
-    pressed = float(np.sum(np.abs(force)))
-    shaken = float(np.sum(impulses))
-    some = {} if not len(impulses) else {
-        'impulse_mean': float(np.mean(impulses)), 'impulse_peak': float(np.max(impulses)),
-        'loss_mean': float(np.mean(losses)), 'loss_peak': float(np.max(losses))}
-    if len(speeds):
-        some |= {'speed_rms': math.sqrt(np.mean(speeds**2)),
-                 'speed_mean': float(np.mean(speeds)), 'speed_peak': float(np.max(speeds))}
-    return Rattle(
-        total, mean(counts & is_upper), mean(counts & ~is_upper),
-        contact_upper=mean(d[one.is_held & is_upper]),
-        contact_lower=mean(d[one.is_held & ~is_upper]),
-        force_upper=mean((p + force)[is_upper]), force_lower=-mean((p + force)[~is_upper]) + 0.0,
-        power_in=mean(given), power_lost=mean(losses), power_drag=mean(drag),
-        rattle_index=shaken / (shaken + pressed) if shaken + pressed else 0.0, **some)
+    total = np.zeros(SUMS)
+    if len(events):
+        events = np.ascontiguousarray(events)
+        measure(total, events[:1].copy(), events[1:], above)
+    return _report(total)
 
 
 def order_spectrum(events: EventArray, orders: FloatArray) -> npt.NDArray[np.complex128]:
@@ -178,17 +193,18 @@ def order_spectrum(events: EventArray, orders: FloatArray) -> npt.NDArray[np.com
     integrated. Lines are at the orders j/p of a motion of p drive periods; that at 0 is the mean
     force, gamma. The events are those of `rattle_of`, and the parameters the same in all.
     """
-    one, k = _Intervals.of(events), np.asarray(orders, np.float64)
-    total = np.zeros(len(k), np.complex128)
-    is_hit, model = one.jump != 0.0, events[0]
-    for tau, p in zip((one.tau + one.length)[is_hit], one.jump[is_hit], strict=True):
-        total += p * np.exp(-1j * tau * k)
+    k, taus = np.asarray(orders, np.float64), drive_phases(events)
+    total, model = np.zeros(len(k), np.complex128), events[0]
     wave = 0.5 * float(model['alpha']) * complex(model['beta'], 1.0)
-    for tau, d in zip(one.tau[one.is_held], one.length[one.is_held], strict=True):
-        for m, size in ((0.0, complex(model['gamma'])), (1.0, wave), (-1.0, wave.conjugate())):
-            total += size * d * np.exp(1j * (m - k) * (tau + 0.5 * d)) * np.sinc(
-                (m - k) * d / TWO_PI)
-    return total / float(np.sum(one.length))
+    for n, (before, after) in enumerate(itertools.pairwise(events)):
+        tau, d = taus[n], taus[n + 1] - taus[n]
+        if has_stuck(before, after):
+            for m, size in ((0.0, complex(model['gamma'])), (1.0, wave), (-1.0, wave.conjugate())):
+                total += size * d * np.exp(1j * (m - k) * (tau + 0.5 * d)) * np.sinc(
+                    (m - k) * d / TWO_PI)
+        if after['kind'] <= STICK:
+            total += (after['velocity'] - after['velocity_after']) * np.exp(-1j * taus[n + 1] * k)
+    return total / float(taus[-1] - taus[0])
 
 
 def impulse_train(times: FloatArray, impulses: FloatArray, rate: float, count: int) -> FloatArray:
@@ -210,20 +226,19 @@ class RunningRattle:
     def __init__(self, above: float = 0.0) -> None:
         self._above = above
         self._guard = StreamGuard()
-        self._pieces: list[EventArray] = []
+        self._total = np.zeros(SUMS)
+        self._last = np.zeros(1, EVENT)
 
     def update(self, events: EventArray) -> None:
         """Take the next batch, an array of EVENT; a hole or a reset begins a new stretch."""
         for piece in self._guard.split(events):
+            stretch = piece.events
             if not piece.follows:
-                self._pieces = []
-            resets = np.flatnonzero(piece.events['kind'] == EventKind.RESET)
-            if len(resets):
-                self._pieces = []
-            self._pieces.append(piece.events[resets[-1] if len(resets) else 0:].copy())
+                self._total[:] = 0.0
+                self._last, stretch = stretch[:1].copy(), stretch[1:]
+            measure(self._total, self._last, stretch, self._above)
 
     def take(self) -> Rattle:
         """Return the rattle up to the last event, from where the next begins."""
-        events = np.concatenate(self._pieces) if self._pieces else np.zeros(0, EVENT)
-        self._pieces = [events[-1:]] if len(events) else []
-        return rattle_of(events, self._above)
+        now, self._total = self._total, np.zeros(SUMS)
+        return _report(now)
