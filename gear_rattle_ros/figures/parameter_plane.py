@@ -16,6 +16,8 @@
 
 from typing import Any, Final, TYPE_CHECKING
 
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -28,7 +30,7 @@ from .style import add_axes, Looks, new_figure
 from ..core.many.survey import CHAOTIC, FLOATING as FLOATS, PERIODIC, RESTING, UNSETTLED
 from ..core.model import Model
 from ..core.words import counted
-from ..palette import GREY, HUES, reach
+from ..palette import GREY, HUES, MARK, reach, STABLE
 
 if TYPE_CHECKING:
     import xarray
@@ -37,6 +39,10 @@ if TYPE_CHECKING:
 LONG, STICKS, RESTS, BETWEEN, OPEN = '#c4b5a8', '#e6d3a3', '#ffffff', '#cfe6ea', '#f4b8d0'
 # How far a hue fades where an orbit attracts strongly.
 FADED: Final = 0.45
+# Curves by what happens there, and the points at which they meet.
+LINES: Final = {'fold': ('#000000', '-'), 'doubling': ('#000000', ':'), 'pitchfork': (STABLE, '-'),
+                'grazing': (MARK, '-'), 'rest': (GREY, '--')}
+MARKS: Final = {'cusp': '^', 'grazing': 'o', 'doubling': 'D', 'sticking': 's'}
 
 
 def draw_plane(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
@@ -58,27 +64,47 @@ def draw_plane(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for _, colour, mine in parts:
         picture[mine] = style.shade(colour, 1.0 - FADED * np.where(
             on_orbit, strength, 0.0)[mine]) if colour != RESTS else 1.0
-    handles = [Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5,
-                     label=f'{words}  {share_of(mine)}')
-               for words, colour, mine in parts if np.any(mine)]
+    handles: list[Artist] = [
+        Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5, label=f'{words}  {share_of(mine)}')
+        for words, colour, mine in parts if np.any(mine)]
     return _figure(dataset, looks, picture, ScalarMappable(greys, looks.scale('gray_r')), handles)
 
 
 def _figure(dataset: 'xarray.Dataset', looks: Looks, picture: Any, greys: ScalarMappable,
-            handles: list[Patch]) -> Figure:
-    a = dataset.attrs
-    y, x = dataset['attractors'].dims
+            handles: list[Artist]) -> Figure:
+    a, lines = dataset.attrs, set(dataset['curve_kind'].values)
+    y, x = map(str, dataset['attractors'].dims)
     height, width = (style.scaled(cells) for cells in picture.shape[:2])
-    below = style.BOTTOM + ROW * -(-len(handles) // 4)
+    below = style.BOTTOM + ROW * -(-(len(handles) + len(lines)) // 4)
     figure = new_figure(style.LEFT + width + BAR, below + height + style.TOP - 20, looks)
     style.write_title(figure, style.LEFT, looks.title or 'Parameter plane, ' + ', '.join(
         f'{name} {a[name]:g}' for name in Model._fields if name in a))
     axes = add_axes(figure, style.LEFT, below, width, height)
     axes.imshow(picture, origin='lower', aspect='auto', interpolation='nearest',
                 extent=(*a[f'{x}_window'], *a[f'{y}_window']))
+    axes.autoscale(False)
+    handles += _draw_curves(dataset, axes, x, y)
     for name, set_label in ((x, axes.set_xlabel), (y, axes.set_ylabel)):
         set_label(f'{dataset[name].attrs["long_name"]}, {name} [1]', fontsize=12)
     figure.legend(handles=handles, loc='lower center', ncols=4, frameon=False, fontsize=11,
                   borderaxespad=0.1)
     scale(figure, greys, 'largest exponent of chaos per impact [1]', extend='max')
     return figure
+
+
+def _draw_curves(dataset: 'xarray.Dataset', axes: Axes, x: str, y: str) -> list[Artist]:
+    owners, handles = dataset['vertex_curve'].values, {}
+    for number, kind in enumerate(dataset['curve_kind'].values.tolist()):
+        colour, style_of = LINES[kind]
+        mine = owners == number
+        for ink, width in (('white', 2.2), (colour, 1.1)):
+            handles[kind], = axes.plot(
+                dataset[f'vertex_{x}'].values[mine], dataset[f'vertex_{y}'].values[mine],
+                color=ink, linestyle=style_of if ink == colour else '-', linewidth=width,
+                label=kind)
+    for kind, marker in MARKS.items():
+        mine = dataset['mark_kind'].values == kind
+        if mine.any():
+            axes.plot(dataset[f'mark_{x}'].values[mine], dataset[f'mark_{y}'].values[mine],
+                      marker, color='white', markeredgecolor='black', markersize=6)
+    return list(handles.values())

@@ -14,16 +14,15 @@
 
 """What the gear does over two parameters: periods, exponents, coexistence, rest, contact."""
 
-from collections.abc import Mapping
-import dataclasses
 import functools
-from pathlib import Path
+from pathlib import Path as FilePath
 from typing import Any, Final, Unpack
 
 import numpy as np
 
 from .attractors import identity_of
 from .diagram import KINDS
+from .plane_curves import curves_table, find_loci
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.finding import CONSERVES
 from ..attractors.listing import named
@@ -31,7 +30,7 @@ from ..attractors.plane import centres, Plane
 from ..core.arrays import RecordArray
 from ..core.defaults import SEED
 from ..core.many.survey import FLOATING, LOOK, PERIODIC, RESTING, SLOTS, survey, UNSETTLED
-from ..core.model import Model, Parameters
+from ..core.path import EMPTY, Path, WORDS
 from ..core.words import counted
 from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
@@ -40,30 +39,25 @@ NAME: Final = 'parameter_plane'
 # Cells along the edge of a tile, and those followed together.
 EDGE: Final = 40
 TOGETHER: Final = 160
-WINDOWS: Final = {'alpha': (0.2, 1.8), 'gamma': (0.0, 0.4)}
-WORDS: Final = {'alpha': 'amplitude of the drive', 'beta': 'damping', 'gamma': 'constant load',
-                'restitution': 'coefficient of restitution'}
-Windows = Mapping[str, tuple[float, float]]
+Windows = dict[str, tuple[float, float]]
 
 
 @Study
-def parameter_plane(parameters: Parameters, windows: Windows = WINDOWS,
-                    plane: Plane | None = None, *, size: tuple[int, ...] = (400,),
+def parameter_plane(path: Path, plane: Plane | None = None, *, size: tuple[int, ...] = (400,),
                     initial_conditions: int = SLOTS, skip: int = 1000, keep: int = LOOK,
-                    seed: int = SEED, **options: Unpack[WorkOptions]) -> Store:
+                    curves: int = 0, seed: int = SEED, **options: Unpack[WorkOptions]) -> Store:
     """
     Find what the gear settles on over a grid of two parameters.
 
     The dataset has for every cell and attractor, the most frequent first, its share, kind, period,
     contact and largest exponent with its error; and for every cell the number of attractors found
-    and the share at rest.
+    and the share at rest. Tables have the curves on which orbits change and rest begins, and the
+    points at which curves end or meet.
 
     Parameters
     ----------
-    parameters : Parameters
-        The model, whatever the two parameters in it.
-    windows : dict of str to tuple of float
-        Windows of the two parameters [1], the horizontal one first.
+    path : Path
+        A diagonal of the plane: its ends are two corners, and two parameters change along it.
     plane, seed
         The window from which initial conditions are drawn, the same for all cells, and their seed.
     size : tuple of int
@@ -72,17 +66,23 @@ def parameter_plane(parameters: Parameters, windows: Windows = WINDOWS,
         Initial conditions of every cell.
     skip, keep : int
         Impacts after which a trajectory that has settled on no orbit is measured, and over which.
+    curves : int
+        Orbits, those of most cells, whose changes are followed through the plane.
 
     """
     work, plane = Work(**options), plane or Plane()
-    require_windows(parameters, windows, size)
+    windows = windows_of(path)
+    if not 1 <= len(size) <= 2 or not all(1 <= cells <= 20_000 for cells in size):
+        raise ValueError(f'size {" ".join(map(str, size))} is not one or two numbers from 1 to '
+                         '20000')
     if keep < LOOK:
         raise ValueError(f'keep = {keep} is less than {LOOK}')
     columns, rows = (centres(window, cells) for window, cells in zip(
         windows.values(), (size[0], size[-1]), strict=True))
-    store = work.begin(_layout(parameters, windows, plane, (columns, rows), {
-        'initial_conditions': initial_conditions, 'skip': skip, 'keep': keep, 'seed': seed}))
-    initial = plane.draw(parameters, initial_conditions, seed)
+    store = work.begin(_layout(path, windows, plane, (columns, rows), {
+        'initial_conditions': initial_conditions, 'skip': skip, 'keep': keep, 'seed': seed,
+        'curves': curves}))
+    initial = plane.draw(path.first, initial_conditions, seed)
 
     def cells(tile: int) -> int:
         return int(np.prod([part.stop - part.start for part in store.tiles[tile].values()]))
@@ -90,29 +90,29 @@ def parameter_plane(parameters: Parameters, windows: Windows = WINDOWS,
     with work.pending(NAME, store, cells) as (pending, finished):
         work.run(functools.partial(fill_tile, store.path, tuple(windows), initial, skip, keep),
                  pending, lambda tile, done: finished(tile, 0))
+    if not store.has_table('mark_kind'):
+        loci = find_loci(store, windows, path.first, plane, seed, curves, work)
+        store.write_table(curves_table(loci, windows, path.first))
     return store
 
 
-def require_windows(parameters: Parameters, windows: Windows, size: tuple[int, ...]) -> None:
-    """Refuse what is no window of two parameters with a ValueError."""
-    if len(windows) != 2 or not {*windows} <= {*Model._fields}:
-        raise ValueError(f'windows of {" and ".join(windows) or "nothing"}: give two of '
-                         f'{", ".join(Model._fields)} a window')
-    if len(size) > 2 or not all(1 <= cells <= 20_000 for cells in size):
-        raise ValueError(f'size {" ".join(map(str, size))} is not one or two numbers from 1 to '
-                         '20000')
-    for name, (low, high) in windows.items():
-        if not low < high:
-            raise ValueError(f'{name} window {low:g} to {high:g} is empty or reversed; give the '
-                             'lower end first')
-        for value in (low, high):
-            dataclasses.replace(parameters, **{name: value})
+def windows_of(path: Path) -> Windows:
+    """Return the windows of the two parameters; ValueError where it is another number."""
+    if len(path.varied) != 2:
+        raise ValueError(f'a window of {" and ".join(path.varied)} makes no plane; give two '
+                         'parameters a window, such as --alpha 0.2 1.8 --gamma 0 0.4')
+    windows = {name: (float(getattr(path.first, name)), float(getattr(path.last, name)))
+               for name in path.varied}
+    for name, window in windows.items():
+        if not window[0] < window[1]:
+            raise ValueError(EMPTY.format(name, *window))
+    return windows
 
 
-def fill_tile(path: Path, names: tuple[str, ...], drawn: RecordArray, skip: int, keep: int,
+def fill_tile(place: FilePath, names: tuple[str, ...], drawn: RecordArray, skip: int, keep: int,
               tile: int) -> None:
     """Compute and store a tile."""
-    store = Store(path)
+    store = Store(place)
     part = store.tiles[tile]
     columns, rows = (store.read_all(name)[part[name]] for name in names)
     initial = np.tile(drawn, (len(rows) * len(columns), 1))
@@ -133,12 +133,12 @@ def fill_tile(path: Path, names: tuple[str, ...], drawn: RecordArray, skip: int,
                        for name, value in values.items()})
 
 
-def _layout(parameters: Parameters, windows: Windows, plane: Plane, axes: tuple[Any, Any],
+def _layout(path: Path, windows: Windows, plane: Plane, axes: tuple[Any, Any],
             others: dict[str, int]) -> Layout:
     x, y = windows
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     identity = identity_of(
-        NAME, parameters, plane, initial_velocity_window=list(plane.velocity),
+        NAME, path.first, plane, initial_velocity_window=list(plane.velocity),
         size=[len(values) for values in axes],
         horizontal=x, **{f'{name}_window': list(window) for name, window in windows.items()},
         **others)
@@ -182,4 +182,8 @@ def describe(dataset: Arrays) -> str:
         for name in ('impacts', 'drive')]), axis=1, return_counts=True)
     lines += [f'{numbers[k] / first.size:.2%} {counted(orbits[0, k], "impact")} in '
               f'{counted(orbits[1, k], "drive period")}' for k in np.argsort(-numbers)[:6]]
+    for owner in ('curve', 'mark'):
+        names, numbers = np.unique(dataset[f'{owner}_kind'].values, return_counts=True)
+        lines += [f'{owner}s: ' + ', '.join(f'{number} {name}' for name, number in zip(
+            names, numbers, strict=True))] * bool(len(names))
     return '\n'.join(lines)

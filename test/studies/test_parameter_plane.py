@@ -15,7 +15,7 @@
 """Parameter planes against closed forms, symmetry and published numbers."""
 
 import math
-from pathlib import Path
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -24,6 +24,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli.parameter_plane import main
 from gear_rattle_ros.core.many.survey import CHAOTIC, OUTCOME, PERIODIC, RESTING, survey
 from gear_rattle_ros.core.model import Parameters
+from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset, Store
 from gear_rattle_ros.studies.parameter_plane import parameter_plane
 
@@ -75,7 +76,7 @@ def test_orbits_that_stick_and_rest() -> None:
     assert (sticking['kind'], sticking['exponent'], sticking['drive']) == (PERIODIC, -math.inf, 1)
 
 
-def test_the_plane_is_symmetric(tmp_path: Path) -> None:
+def test_the_plane_is_symmetric(tmp_path: FilePath) -> None:
     """The map s -> -1 - s, gamma -> -gamma turns walls round and keeps the rest."""
     path, picture = tmp_path / 'a.zarr', tmp_path / 'a.png'
     assert main(['--alpha', '0.3', '1.3', '--gamma', '-0.3', '0.3', '--size', '9', '12',
@@ -107,7 +108,7 @@ def test_the_stable_orbit_of_one_impact_fills_its_closed_region() -> None:
     """Over (alpha, gamma) at beta = 0 it is stable between its fold and its doubling."""
     r = 0.6
     plane = parameter_plane(
-        Parameters(beta=0.0, restitution=r), {'alpha': (0.02, 0.3), 'gamma': (0.02, 0.2)},
+        Path.over(Parameters(beta=0.0, restitution=r), alpha=(0.02, 0.3), gamma=(0.02, 0.2)),
         size=(16, 10), initial_conditions=24, threads=1)
     alpha, gamma = np.meshgrid(plane['alpha'], plane['gamma'])
     fold = gamma * math.pi * (1.0 - r) / (1.0 + r)
@@ -123,28 +124,29 @@ def test_the_stable_orbit_of_one_impact_fills_its_closed_region() -> None:
     assert np.count_nonzero(inside) > 5 and np.mean(seen[inside]) > 0.8
 
 
-def test_the_tiles_do_not_matter_and_go_on(tmp_path: Path) -> None:
+def test_the_tiles_do_not_matter_and_go_on(tmp_path: FilePath) -> None:
     """A store that is cut short is finished to the same bits."""
-    options = {'windows': {'alpha': (0.4, 0.9), 'restitution': (0.5, 0.9)}, 'size': (90, 3),
+    options = {'path': Path.over(alpha=(0.4, 0.9), restitution=(0.5, 0.9)), 'size': (90, 3),
                'skip': 64}
     path = tmp_path / 'a.zarr'
-    whole = parameter_plane(Parameters(), store=path, threads=1, **options)
+    whole = parameter_plane(store=path, threads=1, **options)
     before = whole['exponent'].values.copy()
     store = Store(path)
     assert len(store.tiles) == 3
     store.write(1, {'exponent': np.zeros((3, 40, 4))})
     store.mark(1, False)
-    again = parameter_plane(Parameters(), store=path, resume=True, threads=1, **options)
+    again = parameter_plane(store=path, resume=True, threads=1, **options)
     np.testing.assert_array_equal(again['exponent'].values, before)
 
 
 @pytest.mark.parametrize(('words', 'said'), [
-    ('--alpha 0.4 --gamma 0.1', 'give two of'), ('--beta 0 0.1', 'windows of alpha and beta and'),
+    ('--alpha 0.4 --gamma 0.1', 'no parameter has a window'),
+    ('--beta 0 0.1', 'a window of beta makes no plane'),
     ('--alpha 0.5 0.4 --gamma 0 1', 'alpha window 0.5 to 0.4 is empty or reversed'),
-    ('--alpha 0.1 0.2 0.3', '--alpha takes one or two numbers, not 3'),
+    ('--alpha 0.1 0.2 0.3', '--alpha takes a value or a window of two, not 3'),
     ('--gamma 0 5000', 'gamma = 5000.0 is outside'), ('--keep 10', 'whole number from 1024 on')])
 def test_refusals_are_one_line(words: str, said: str, capsys: pytest.CaptureFixture[str],
-                               tmp_path: Path) -> None:
+                               tmp_path: FilePath) -> None:
     """They name the value; nothing is written."""
     try:
         status = main([*words.split(), '--output', str(tmp_path / 'a.zarr')])
