@@ -23,10 +23,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 import numpy as np
+import numpy.typing as npt
 
 from . import style
 from .grids import BAR, ROW, scale, share_of
 from .style import add_axes, Looks, new_figure
+from ..core.arrays import FloatArray
 from ..core.many.survey import CHAOTIC, FLOATING as FLOATS, PERIODIC, RESTING, UNSETTLED
 from ..core.model import Model
 from ..core.words import counted
@@ -47,6 +49,16 @@ MARKS: Final = {'cusp': '^', 'grazing': 'o', 'doubling': 'D', 'sticking': 's'}
 
 def draw_plane(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw what most initial conditions of every cell settle on."""
+    picture, greys, parts = paint(dataset, looks)
+    handles: list[Artist] = [
+        Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5, label=f'{words}  {share_of(mine)}')
+        for words, colour, mine in parts if np.any(mine)]
+    return _figure(dataset, looks, picture, ScalarMappable(greys, looks.scale('gray_r')), handles)
+
+
+def paint(dataset: 'xarray.Dataset', looks: Looks
+          ) -> tuple[FloatArray, Normalize, list[tuple[str, str, npt.NDArray[np.bool_]]]]:
+    """Return red, green and blue of every cell, the greys of chaos, and cells by colour."""
     first = dataset.isel(slot=0)
     kinds, exponents, periods = (
         first[name].values for name in ('kind', 'exponent', 'period_impacts'))
@@ -64,10 +76,7 @@ def draw_plane(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for _, colour, mine in parts:
         picture[mine] = style.shade(colour, 1.0 - FADED * np.where(
             on_orbit, strength, 0.0)[mine]) if colour != RESTS else 1.0
-    handles: list[Artist] = [
-        Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5, label=f'{words}  {share_of(mine)}')
-        for words, colour, mine in parts if np.any(mine)]
-    return _figure(dataset, looks, picture, ScalarMappable(greys, looks.scale('gray_r')), handles)
+    return picture, greys, parts
 
 
 def _figure(dataset: 'xarray.Dataset', looks: Looks, picture: Any, greys: ScalarMappable,
