@@ -125,6 +125,28 @@ def test_the_impact_pair_loses_its_symmetry_where_it_is_known_to() -> None:
     np.testing.assert_allclose(found, [0.3846204847, 0.3458892783, 0.3419009408], atol=2e-9)
 
 
+def test_the_impact_pair_grazes_twice_at_once() -> None:
+    """Its symmetric orbit, in closed form, touches a wall between its impacts at every point."""
+    turn = turns_of(symmetric(0.3, 0.5), alpha=(0.01, 2.0))[Change.GRAZING]
+    locus = trace_locus(turn, {'alpha': (0.01, 2.0), 'restitution': (0.2, 0.9)})
+    assert locus is not None and locus.impacts == 2 and len(locus.points) > 20
+    for alpha, r, _ in locus.points.tolist():
+        k = math.pi * (1.0 + r) / (1.0 - r)
+        tau = math.atan2(2.0, k) - math.acos(1.0 / (alpha * math.hypot(2.0, k)))
+        speed = alpha * math.cos(tau) * (1.0 + r) / (1.0 - r)
+
+        def gap(d: float, tau: float = tau, alpha: float = alpha, speed: float = speed) -> float:
+            s = alpha * (math.sin(tau + d) - math.sin(tau)) - speed * d
+            return min(-s, 1.0 + s)
+
+        grid = np.linspace(0.02, math.pi - 0.02, 2000)
+        gaps = np.array([gap(d) for d in grid])
+        dips = grid[1:-1][(gaps[1:-1] < gaps[:-2]) & (gaps[1:-1] < gaps[2:])]
+        least = min(minimize_scalar(gap, bounds=(d - 0.01, d + 0.01), method='bounded',
+                                    options={'xatol': 1e-9}).fun for d in dips)
+        assert abs(least) < 1e-9
+
+
 def test_a_load_turns_the_pitchfork_into_a_cusp_of_folds() -> None:
     """Over (alpha, gamma) it lies at the pitchfork without load, and its folds part as 3/2."""
     r = 0.9

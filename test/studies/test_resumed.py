@@ -41,7 +41,8 @@ from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'boundary': boundary.main, 'continuation': continuation.main, 'crisis': crisis.main,
          'manifolds': manifolds.main, 'orbit_diagram': orbit_diagram.main, 'orbits': orbits.main,
-         'parameter_plane': parameter_plane.main, 'saddle': saddle.main, 'stability': stability.main, 'transitions': transitions.main}
+         'parameter_plane': parameter_plane.main, 'saddle': saddle.main,
+         'stability': stability.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
     'boundary': ('--distances 1e-7 1e-1 --error 0.1 --size 400', 16,

@@ -47,9 +47,9 @@ SHORTEST_STEP: Final = 1e-7
 STRAY: Final = 0.3
 MOST: Final = 4000
 HALVINGS: Final = 40
-# A flight that ends so much before its time has met a wall; a touch is seen less well [1].
+# A flight that ends so much before its time has met a wall; slower it touches one [1].
 EARLY: Final = 1e-7
-TOUCH_EARLY: Final = 1e-3
+TOUCH: Final = 1e-5
 # An impact slower than this is about to be lost where a branch ends [1]; samples of a flight.
 SLOW: Final = 1e-2
 SAMPLES: Final = 400
@@ -149,8 +149,6 @@ def is_real(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half
     q = len(walls)
     model = model_at(base, x, y, z[3 * q], z[3 * q + 1])
     for k in range(q):
-        n = (k + 1) % q
-        touches = test == TOUCHES and (k == place or n == place)
         phase, velocity, time = z[3 * k], z[3 * k + 1], z[3 * k + 2]
         wall = 1.0 - 2.0 * walls[k]
         if test == TOUCHES and k == place:
@@ -159,9 +157,9 @@ def is_real(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half
                 return -1
         elif velocity * wall <= 0.0:
             return 0
-        met, _, _, _ = search_impact(0.0, 0, LEG, phase, -1.0 * walls[k],
-                                     -model.restitution * velocity, model)
-        if time <= 0.0 or met < time - (TOUCH_EARLY if touches else EARLY):
+        met, _, speed, _ = search_impact(0.0, 0, LEG, phase, -1.0 * walls[k],
+                                       -model.restitution * velocity, model)
+        if time <= 0.0 or met < time - EARLY and abs(speed) > TOUCH:
             return 0
     return 1
 
