@@ -138,12 +138,10 @@ def _layout(path: Path, windows: Windows, plane: Plane, axes: tuple[Any, Any],
     x, y = windows
     kinds = ', '.join(f'{k} {name}' for k, name in enumerate(KINDS))
     identity = identity_of(
-        NAME, path.first, plane, initial_velocity_window=list(plane.velocity),
-        size=[len(values) for values in axes],
+        NAME, path.first, plane, size=[len(values) for values in axes],
         horizontal=x, **{f'{name}_window': list(window) for name, window in windows.items()},
         **others)
-    for name in (x, y, 'velocity_window'):
-        del identity[name]
+    del identity[x], identity[y]
     return Layout(
         (*(Axis(name, values, named(WORDS[name]), EDGE)
            for name, values in zip((y, x), axes[::-1], strict=True)),

@@ -30,9 +30,8 @@ from ..flight import lanes
 from ..flight.closed_form import model_of, wall_of
 from ..flight.elementary import exp_minus, logarithm, TWO_PI
 from ..model import Model
-from ..orbits.impact_map import derivatives, next_impact
-from ..orbits.newton import close_ring
-from ..orbits.orbit import NEAR, NEUTRAL, REPEATS
+from ..orbits.impact_map import close_ring, shoot
+from ..orbits.orbit import least_period, NEAR, NEUTRAL, REPEATS
 from ..orbits.section import distance, shortest_recurrence
 
 # Kinds of what trajectories settle on.
@@ -60,31 +59,15 @@ CERTAIN: Final = 3.0
 
 
 @kernel
-def least_period(walls: IntArray, points: FloatArray) -> int:
-    """Return after how many of its points a closed sequence repeats."""
-    q = len(walls)
-    for p in range(1, q):
-        same = q % p == 0
-        for k in range(q if same else 0):
-            n = (k + p) % q
-            same = same and walls[k] == walls[n] and distance(
-                points[k, 1], points[k, 0], points[n, 1], points[n, 0]) < REPEATS
-        if same:
-            return p
-    return q
-
-
-@kernel
 def multiplier(walls: IntArray, points: FloatArray, model: Model) -> tuple[float, int]:
     """Return the largest modulus of the multipliers of an orbit, and its drive periods."""
-    a, b, c, d, total = 1.0, 0.0, 0.0, 1.0, 0.0
+    _, _, slopes, times = shoot(walls, points, model, False)
+    a, b, c, d = 1.0, 0.0, 0.0, 1.0
     for k in range(len(walls)):
-        _, _, phase, velocity, time = next_impact(walls[k], points[k, 0], points[k, 1], model)
-        one = derivatives(points[k, 0], points[k, 1], time, phase, velocity, model)
-        a, b, c, d = (one[0] * a + one[1] * c, one[0] * b + one[1] * d,
-                      one[2] * a + one[3] * c, one[2] * b + one[3] * d)
-        total += time
-    turns = round(total / TWO_PI)
+        one = slopes[k]
+        a, b, c, d = (one[0, 0] * a + one[0, 1] * c, one[0, 0] * b + one[0, 1] * d,
+                      one[1, 0] * a + one[1, 1] * c, one[1, 0] * b + one[1, 1] * d)
+    turns = round(np.sum(times) / TWO_PI)
     half = 0.5 * abs(a + d)
     product = (model.restitution**(2 * len(walls))
                * exp_minus(min(700.0, model.beta * TWO_PI * turns)))
@@ -93,8 +76,7 @@ def multiplier(walls: IntArray, points: FloatArray, model: Model) -> tuple[float
 
 
 @kernel
-def settle_on_orbit(row: RecordArray, model: Model, room: tuple[IntArray, FloatArray, FloatArray],
-                    one: Record) -> bool:
+def settle_on_orbit(row: RecordArray, model: Model, one: Record) -> bool:
     """Find the stable orbit that a row of IMPACT approaches; whether there is one."""
     for wall in range(2):
         first, last = last_sticks(row, model, wall)
@@ -107,12 +89,12 @@ def settle_on_orbit(row: RecordArray, model: Model, room: tuple[IntArray, FloatA
     q = shortest_recurrence(row, LONGEST, RECURS)
     if q == 0:
         return False
-    walls, points, carried = room[0][:q], room[1][:q], room[2][:q]
+    walls, points = np.zeros(q, np.int64), np.zeros((q, 2))
     for k in range(q):
         impact = row[len(row) - q + k]
         walls[k] = wall_of(impact.velocity)
         points[k, 0], points[k, 1] = impact.phase, impact.velocity
-    if not close_ring(walls, points, carried, NEAR, model):
+    if not close_ring(walls, points, NEAR, model):
         return False
     q = least_period(walls, points)
     largest, turns = multiplier(walls[:q], points[:q], model)
@@ -139,7 +121,6 @@ def look(tile: Record, states: RecordArray, skip: int, count: int, outcomes: Rec
     """Follow what is left of trajectories, note what has settled; return what is still left."""
     # `states` of all trajectories move on; `numbers` says which are left.
     rows, made = record(tile, states[numbers], skip, count)
-    room = np.zeros(LONGEST, np.int64), np.zeros((LONGEST, 2)), np.zeros((LONGEST, 8))
     still = 0
     left = numbers.copy()
     for m in range(len(numbers)):
@@ -161,7 +142,7 @@ def look(tile: Record, states: RecordArray, skip: int, count: int, outcomes: Rec
             if box >= 0:
                 boxes[n, box] = True
         model = model_of(state)
-        if settle_on_orbit(row, model, room, one):
+        if settle_on_orbit(row, model, one):
             continue
         last = row[count - 1]
         state.phase, state.displacement = last.phase, -1.0 * wall_of(last.velocity)

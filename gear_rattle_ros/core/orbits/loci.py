@@ -158,7 +158,7 @@ def is_real(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half
         elif velocity * wall <= 0.0:
             return 0
         met, _, speed, _ = search_impact(0.0, 0, LEG, phase, -1.0 * walls[k],
-                                       -model.restitution * velocity, model)
+                                         -model.restitution * velocity, model)
         if time <= 0.0 or met < time - EARLY and abs(speed) > TOUCH:
             return 0
     return 1
