@@ -37,8 +37,8 @@ from gear_rattle_ros.studies.parameter_plane import parameter_plane
 PLANE = Path.over(alpha=(0.2, 1.8), gamma=(0.0, 0.4))
 CELLS, SPREAD = 200, 20
 SKIP, KEEP, INITIAL = 1000, LOOK, 4
-# The scan: step, halvings, what recurs, the longest period, and where it gives a flight up.
-STEP, HALVINGS, RECURS, LONGEST, LONGEST_FLIGHT = 0.02, 48, 1e-6, 128, 200.0
+# The scan: step, halvings, the speed below which rounding hides what chatters, what recurs, the longest period, and where it gives a flight up.
+STEP, HALVINGS, SLOW, RECURS, LONGEST, LONGEST_FLIGHT = 0.02, 48, 1e-6, 1e-6, 128, 200.0
 
 
 @numba.njit(error_model='numpy')  # type: ignore[untyped-decorator]
@@ -75,7 +75,7 @@ def scan(tau, s, v, alpha, beta, gamma, r):  # type: ignore[no-untyped-def]
         decay = math.exp(-beta * low)
         tau = (tau + low) % (2.0 * math.pi)
         s, v = 0.0 if speed > 0.0 else -1.0, -r * speed
-        if abs(v) < 1e-10:
+        if abs(v) < SLOW:
             return 0, -math.inf
         force = gamma - alpha * math.sin(tau) + alpha * beta * math.cos(tau)
         ds += (1.0 - decay) / beta * dv

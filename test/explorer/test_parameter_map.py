@@ -37,7 +37,7 @@ def test_a_click_on_the_map_sets_both_parameters(tmp_path: FilePath) -> None:
                             size=(3, 2), threads=1)
     view = View(Parameters(0.48))
     page = Page(Document(), Shared(Catalogues(), SimulatorLink(), tmp_path, plane),
-                Shown(view, FIRST_POINT), view, lambda: True)
+                Shown(view, FIRST_POINT), lambda: True)
     assert page._map is not None
     plot = page._map.figure
     assert (plot.x_range.start, plot.x_range.end, plot.y_range.end) == (0.0, 0.2, 1.0)
