@@ -37,7 +37,8 @@ from gear_rattle_ros.studies.parameter_plane import parameter_plane
 PLANE = Path.over(alpha=(0.2, 1.8), gamma=(0.0, 0.4))
 CELLS, SPREAD = 200, 20
 SKIP, KEEP, INITIAL = 1000, LOOK, 4
-# The scan: step, halvings, the speed below which rounding hides what chatters, what recurs, the longest period, and where it gives a flight up.
+# The scan: step, halvings, the speed below which rounding hides what chatters, what recurs, the
+# longest period, and where it gives a flight up.
 STEP, HALVINGS, SLOW, RECURS, LONGEST, LONGEST_FLIGHT = 0.02, 48, 1e-6, 1e-6, 128, 200.0
 
 
