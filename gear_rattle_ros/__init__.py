@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .studies.motion import motion as motion
     from .studies.orbit_diagram import orbit_diagram as orbit_diagram
     from .studies.orbits import orbits as orbits, read_orbits as read_orbits
+    from .studies.parameter_plane import parameter_plane as parameter_plane
     from .studies.probability_basins import probability_basins as probability_basins
     from .studies.rattle import rattle as rattle
     from .studies.saddle import saddle as saddle
@@ -65,8 +66,8 @@ __all__ = [
     'Plane', 'RunningLyapunov', 'Simulation', 'State', 'TransientDetector', 'Wall', 'basins',
     'boundary', 'continuation', 'crisis', 'draw', 'drift', 'exponents', 'find_attractors',
     'hopping', 'lifetimes', 'manifolds', 'motion', 'open_dataset', 'orbit_diagram', 'orbits',
-    'probability_basins', 'rattle', 'read_bag', 'read_orbits', 'rebuild', 'saddle', 'save',
-    'section', 'stability', 'transitions', '__version__',
+    'parameter_plane', 'probability_basins', 'rattle', 'read_bag', 'read_orbits', 'rebuild',
+    'saddle', 'save', 'section', 'stability', 'transitions', '__version__',
 ]
 MODULES = {
     'attractors.catalogue': ['Catalogue'],
@@ -85,8 +86,8 @@ MODULES = {
     'studies.orbits': ['orbits', 'read_orbits'],
     **{f'studies.{name}': [name] for name in (
         'basins', 'boundary', 'continuation', 'crisis', 'drift', 'exponents', 'hopping',
-        'lifetimes', 'manifolds', 'motion', 'orbit_diagram', 'probability_basins', 'rattle',
-        'saddle', 'section', 'stability', 'transitions')},
+        'lifetimes', 'manifolds', 'motion', 'orbit_diagram', 'parameter_plane',
+        'probability_basins', 'rattle', 'saddle', 'section', 'stability', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

@@ -62,6 +62,7 @@ GROUPS = {
         'motion': ('cli.motion', 'sample the motion between the walls'),
         'orbit_diagram': ('cli.orbit_diagram', 'count impact velocities against alpha'),
         'continuation': ('cli.continuation', 'follow attractors across alpha'),
+        'parameter_plane': ('cli.parameter_plane', 'find what the gear does over two parameters'),
         'transitions': ('cli.transitions', 'locate every transition in windows of alpha'),
         'crisis': ('cli.crisis', 'locate the crisis of a chaotic attractor'),
         'orbits': ('cli.orbits', 'find all periodic orbits, stable or not'),

@@ -123,11 +123,11 @@ class Plane:
 
     def across_values(self, first: int = 0, last: int | None = None) -> FloatArray:
         """Return the centres of some cells in phase [rad] or displacement [1], by default all."""
-        return _centres(self.window, self.phases, first, last)
+        return centres(self.window, self.phases, first, last)
 
     def velocity_values(self, first: int = 0, last: int | None = None) -> FloatArray:
         """Return the centres of some cells in velocity [1], of all by default."""
-        return _centres(self.velocity, self.velocities, first, last)
+        return centres(self.velocity, self.velocities, first, last)
 
     def at(self, parameters: Parameters, across: npt.ArrayLike, velocities: npt.ArrayLike
            ) -> RecordArray:
@@ -202,8 +202,8 @@ def at_parameters(parameters: Parameters, states: RecordArray) -> RecordArray:
     return make_initial_conditions(parameters, *(states[name] for name in STATE))
 
 
-def _centres(window: tuple[float, float], count: int, first: int = 0,
-             last: int | None = None) -> FloatArray:
+def centres(window: Window, count: int, first: int = 0, last: int | None = None) -> FloatArray:
+    """Return the centres of some of the cells into which a window is cut."""
     low, high = window
     numbers = np.arange(first or 0, count if last is None else last, dtype=np.float64)
     # From both ends, so that a symmetric window has symmetric cells to the bit.

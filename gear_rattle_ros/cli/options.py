@@ -90,12 +90,14 @@ class _Values(argparse.Action):
 
 
 def add_model(parser: Parser, alpha: float = defaults.ALPHA,
-              windows: tuple[tuple[float, float], ...] = (), words: str = '') -> None:
+              windows: tuple[tuple[float, float], ...] = (), words: str = '',
+              about: str = '') -> None:
     """Add the options of the model; with windows of alpha each option takes one, too."""
     group = parser.add_argument_group(
-        'model', 'Each option takes a value or a window of two; with several windows the sweep '
-        'goes straight from all first values to all last ones, and --mark and accuracies are in '
-        'parts of that way.' if windows else 'Each option takes one value or several, in turn.')
+        'model', about or 'Each option takes a value or a window of two; with several windows the '
+        'sweep goes straight from all first values to all last ones, and --mark and accuracies '
+        'are in parts of that way.' if windows else
+        'Each option takes one value or several, in turn.')
     for name, standard, what in (
             ('alpha', windows or alpha, 'amplitude of the drive'),
             ('beta', defaults.BETA, 'damping'), ('gamma', defaults.GAMMA, 'constant load'),

@@ -20,6 +20,7 @@ import functools
 import html
 from pathlib import Path
 import threading
+from typing import TYPE_CHECKING
 
 from bokeh.document import Document
 from bokeh.events import DocumentReady
@@ -41,6 +42,7 @@ from .address import changed, MODEL, Shown
 from .catalogues import Catalogues
 from .painting import Colours
 from .pane import Pane
+from .parameter_map import ParameterMap
 from .plane_figure import PlaneFigure
 from .saving import Saving
 from .simulator_link import SimulatorLink
@@ -50,6 +52,9 @@ from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import KINDS
 from ..attractors.plane import PLANES, TWO_PI, Window
 from ..core.words import counted
+
+if TYPE_CHECKING:
+    import xarray
 
 TITLE = 'Gear rattle explorer'
 # Phase [rad] and velocity [1] of the first trajectory.
@@ -71,6 +76,8 @@ class Shared:
     catalogues: Catalogues
     link: SimulatorLink
     folder: Path
+    # A dataset of `parameter_plane`, if its map is wanted.
+    plane: 'xarray.Dataset | None' = None
 
 
 class Page:
@@ -106,6 +113,8 @@ class Page:
         self._layers = CheckboxButtonGroup(
             name='layers', labels=list(LAYERS), width=290,
             active=[LAYERS.index(each) for each in shown.layers])
+        self._map = shared.plane and ParameterMap(
+            shared.plane, lambda name, value: self._set(name, '', None, value))
         self._saving = Saving(shared.folder, self._report_later)
         self._lay_out()
         self._ask_panes()
@@ -136,7 +145,8 @@ class Page:
         self._layers.on_change('active', lambda attr, old, new: self._ask(
             lambda: dataclasses.replace(self._shown, layers=tuple(LAYERS[k] for k in new))))
         title = Div(text=f'<b style="font-size:15px">{TITLE}</b>', width=140)
-        left = column(row(title, self._kind, home, self._compare), self._pane.layout)
+        left = column(row(title, self._kind, home, self._compare), self._pane.layout,
+                      *([self._map.figure] if self._map else []))
         # What gives way to the second plane.
         self._first = column(
             row(*controls[1:3]), row(*controls[3:]),
@@ -232,6 +242,8 @@ class Page:
     def _ask_panes(self) -> None:
         """Show the plane, and the second one or the trajectory in its place."""
         shown, view = self._shown, self._shown.second
+        if self._map:
+            self._map.mark(shown.view.parameters)
         self._pane.ask(shown.view, shown.point, shown.layers)
         self._second.visible = view is not None
         self._first.visible = view is None

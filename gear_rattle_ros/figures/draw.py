@@ -42,6 +42,7 @@ PICTURES: Final = {
     'motion': {'': 'section.draw_motion'},
     'orbit_diagram': {'': 'diagrams.draw_diagram'},
     'orbits': {'': 'over_basins.draw_orbits'},
+    'parameter_plane': {'': 'parameter_plane.draw_plane'},
     'probability_basins': {'': 'grids.draw_probabilities'},
     'rattle': {'': 'rattle.draw_rattle'},
     'saddle': {'': 'grids.draw_saddle'},

@@ -19,6 +19,7 @@ import math
 from typing import Any, Final, TYPE_CHECKING
 
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PathCollection
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
@@ -53,7 +54,7 @@ def draw_basins(dataset: 'xarray.Dataset', looks: Looks, below: int = 0) -> Figu
     labels = _thinned(dataset['label'])
     colours, names = colours_and_names(dataset, looks)
     colours, names = ENDS | colours, {UNSETTLED: 'unsettled'} | names
-    patches = [Patch(color=colours[label], label=f'{name}  {_share(labels == label)}')
+    patches = [Patch(color=colours[label], label=f'{name}  {share_of(labels == label)}')
                for label, name in sorted(names.items(), key=lambda item: (item[0] < 0, item[1]))
                if np.any(labels == label)]
     _, figure = _plane(dataset, 'Basins of attraction', looks, painted(labels, colours),
@@ -69,15 +70,15 @@ def draw_lifetimes(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     # From the decade on in which the shortest are.
     shortest = 10**int(math.log10(min(max(1, lifetimes.min()), cap / 2)))
     patch = Patch(color='black' if paper else ENDS[UNSETTLED],
-                  label=f'{counted(cap, "impact")} or more  {_share(censored)}')
+                  label=f'{counted(cap, "impact")} or more  {share_of(censored)}')
     drawn, figure = _plane(
         dataset, 'Lifetimes', looks,
         np.ma.masked_array(np.maximum(lifetimes, 1), censored & (not paper)), bar=True,
         legend=[patch] * int(censored.any()),
         cmap=looks.scale('inferno').resampled(STEPS).with_extremes(bad=ENDS[UNSETTLED]),
         norm=Normalize(0, cap) if paper else LogNorm(shortest, max(cap, 2)))
-    _scale(figure, drawn, 'lifetime of the transient [impacts]',
-           **({'format': FuncFormatter(thousands)} if paper else {}))
+    scale(figure, drawn, 'lifetime of the transient [impacts]',
+          **({'format': FuncFormatter(thousands)} if paper else {}))
     return figure
 
 
@@ -91,7 +92,7 @@ def draw_exponents(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
         dataset, f'Finite-time exponents over {counted(dataset.attrs["impacts"], "impact")}',
         looks, np.ma.masked_invalid(exponents), bar=True,
         cmap=colours.with_extremes(bad=FORGOTTEN), norm=Normalize(-bound, bound))
-    _scale(figure, drawn, 'finite-time exponent per impact [1]', extend='both')
+    scale(figure, drawn, 'finite-time exponent per impact [1]', extend='both')
     return figure
 
 
@@ -257,7 +258,8 @@ def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArra
     return drawn, figure
 
 
-def _scale(figure: Figure, drawn: AxesImage, words: str, **options: Any) -> None:
+def scale(figure: Figure, drawn: ScalarMappable, words: str, **options: Any) -> None:
+    """Put the scale of what is drawn beside the first axes."""
     place = figure.axes[0].get_position()
     width = figure.get_size_inches()[0] * style.DPI
     axes = figure.add_axes((place.x1 + 16 / width, place.y0, 20 / width, place.height))
@@ -269,5 +271,6 @@ def _thinned(grid: 'xarray.DataArray') -> npt.NDArray[Any]:
     return np.asarray(grid[every].values)
 
 
-def _share(chosen: npt.NDArray[np.bool_]) -> str:
+def share_of(chosen: npt.NDArray[np.bool_]) -> str:
+    """Write the share of the cells that are chosen."""
     return f'{100.0 * float(np.mean(chosen)):.2f} %'

@@ -31,6 +31,7 @@ from gear_rattle_ros.cli import (
     manifolds,
     orbit_diagram,
     orbits,
+    parameter_plane,
     saddle,
     stability,
     transitions,
@@ -40,7 +41,8 @@ from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'boundary': boundary.main, 'continuation': continuation.main, 'crisis': crisis.main,
          'manifolds': manifolds.main, 'orbit_diagram': orbit_diagram.main, 'orbits': orbits.main,
-         'saddle': saddle.main, 'stability': stability.main, 'transitions': transitions.main}
+         'parameter_plane': parameter_plane.main, 'saddle': saddle.main,
+         'stability': stability.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
     'boundary': ('--distances 1e-7 1e-1 --error 0.1 --size 400', 16,
@@ -55,6 +57,8 @@ TOOLS = {
                ('lifetime', 'fate', 'escape_rate')),
     'manifolds': ('--orbit orbit-2-1-U5.4554+0.8585 --length 20 --size 400', 16,
                   ('label', 'curve_phase', 'crossing_velocity')),
+    'parameter_plane': ('--size 120 --curves 1', 9,
+                        ('exponent', 'kind', 'share', 'vertex_alpha', 'mark_gamma')),
     'orbits': ('--impacts 6 --points 4096 --size 200', 16, ('label', 'cycle_point_phase')),
     'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '
                     '1000', 2, ('alpha', 'alpha_error', 'kind', 'ratio')),
@@ -113,7 +117,7 @@ def test_a_cluster_gives_the_same(tmp_path):
     with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
             dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
-        for name in ('boundary', 'orbit_diagram', 'continuation', 'crisis'):
+        for name in ('boundary', 'orbit_diagram', 'continuation', 'crisis', 'parameter_plane'):
             options, _, _ = TOOLS[name]
             here, there = (Path(tmp_path / f'{name}-{place}.zarr') for place in ('a', 'b'))
             words = shlex.split(options)

@@ -22,8 +22,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .impact_map import close_ring, CLOSED, shoot
-from .section import distances
-from ..arrays import FloatArray, RecordArray
+from .section import distance, distances
+from ..arrays import FloatArray, IntArray, RecordArray
+from ..compiled import kernel
 from ..flight.closed_form import NO_WALL
 from ..flight.elementary import TWO_PI
 from ..model import Parameters
@@ -165,16 +166,22 @@ def close_orbit(walls: npt.NDArray[np.int64], points: FloatArray, parameters: Pa
     x = np.array(points, np.float64).reshape(len(walls), 2)
     if not close_ring(walls, x, reach, parameters.model):
         return None
-    q = _least_period(walls, x)
+    q = least_period(walls, x)
     return orbit_at(walls[:q], x[:q], parameters)
 
 
-def _least_period(walls: npt.NDArray[np.int64], points: FloatArray) -> int:
+@kernel
+def least_period(walls: IntArray, points: FloatArray) -> int:
+    """Return after how many of its points a closed sequence repeats."""
     # A slow approach from alternating sides looks like an orbit of twice the period.
     q = len(walls)
     for p in range(1, q):
-        if q % p == 0 and np.max(distances(points[:, 1], points[:, 0], np.roll(
-                points[:, 1], p), np.roll(points[:, 0], p))) < REPEATS:
+        same = q % p == 0
+        for k in range(q if same else 0):
+            n = (k + p) % q
+            same = same and distance(
+                points[k, 1], points[k, 0], points[n, 1], points[n, 0]) < REPEATS
+        if same:
             return p
     return q
 
