@@ -294,9 +294,9 @@ def describe(dataset: Arrays) -> str:
         lines.append('S_bb exceeds ln 2: the boundary is fractal')
     radius, mean, error = dataset['disc'].values.tolist()
     if math.isfinite(mean):
-        lines.append(f'in discs of radius {radius:g}: {mean:.4f} +- {error:.4f}, a smooth '
-                     f'boundary has {SMOOTH:.4f}: the boundary '
-                     f'{"may be" if is_smooth(mean, error, radius) else "is not"} smooth')
+        lines.append(f'in discs of radius {radius:g}: {mean:.4f} +- {error:.4f}, one smooth '
+                     f'line has {SMOOTH:.4f}: the boundary in a disc '
+                     f'{"may be" if is_smooth(mean, error, radius) else "is not"} that')
     merging, refinement = (dataset[name].values for name in ('merging', 'refinement'))
     if not len(merging):
         lines.append('Wada: needs three basins')

@@ -46,7 +46,7 @@ def test_triplets_boxes_and_the_saddle_agree(alpha):
         errors[0], dataset['saddle_exponent_error'])
     share = (dataset['cut'] / dataset['probes']).values[0]
     assert share[-2] > 2.0 * share[-1] > 0.0
-    assert 'the boundary is not smooth' in describe(dataset)
+    assert 'the boundary in a disc is not that' in describe(dataset)
 
 
 def test_three_basins_share_one_boundary(tmp_path, capsys):

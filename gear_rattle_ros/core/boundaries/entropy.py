@@ -80,7 +80,8 @@ def disc_entropy(labels: IntArray, radius: int, count: int, rng: np.random.Gener
 
 
 def is_smooth(mean: float, error: float, radius: float) -> bool:
-    """Whether discs of a radius [cells] may have a smooth boundary; cells add a little to it."""
+    """Whether the boundary may be one smooth line in discs of a radius [cells]."""
+    # Cells add a little to it. Of several lines in a disc it has any value.
     excess = mean - SMOOTH
     return -SIGNIFICANT * error <= excess <= COARSE / radius + SIGNIFICANT * error
 
