@@ -420,6 +420,11 @@ class TransientDetector:
             exponent_error=now.lambda_1_error)
 
     @property
+    def index(self) -> int:
+        """Return the number of the last impact."""
+        return self._index()
+
+    @property
     def impacts(self) -> int:
         """Return the impacts since the present transient began."""
         return (self._index() - self._report.start) % 2**32
