@@ -40,9 +40,12 @@ from ..orbits.section import distance, distances, turn
 SOUGHT: Final = 24
 INSIDE: Final = 0.1
 LONGEST: Final = 12
-# Impacts until the next look, or an eighth of those without a core; impacts without one after
-# which an orbit is left.
+# Impacts until the next look, or an eighth of those without a core; looks between hops, and
+# impacts that allow one more, as each takes a millisecond; impacts without a core after which an
+# orbit is left.
 AGAIN: Final = 8
+LOOKS: Final = 100
+RARELY: Final = 200
 AWAY: Final = 1000
 # Orbits that are known at once at the most.
 KNOWN_MOST: Final = 32

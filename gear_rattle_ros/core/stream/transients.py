@@ -23,7 +23,18 @@ from typing import Any, Final
 import numpy as np
 
 from .guard import StreamGuard
-from .hops import AGAIN, AWAY, Hops, mean_round, SOUGHT, sought, visited, visits
+from .hops import (
+    AGAIN,
+    AWAY,
+    Hops,
+    LOOKS,
+    mean_round,
+    RARELY,
+    SOUGHT,
+    sought,
+    visited,
+    visits,
+)
 from .lyapunov import RunningLyapunov
 from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
@@ -74,7 +85,7 @@ WATCH: Final = np.dtype([
     ('retunes', np.int64), ('retune_index', np.int64), ('since_retune', np.int64),
     ('jumped', np.int64), ('kicked', np.int64), ('loud', np.float64),
     ('hopping', np.int64), ('home', np.int64), ('visited', np.int64), ('next_seek', np.int64),
-    ('stick_at', np.int64, 2), ('stick_lag', np.int64, 2),
+    ('looks', np.int64), ('stick_at', np.int64, 2), ('stick_lag', np.int64, 2),
     ('recurrences', np.int64, LONGEST_ORBIT + 1),
 ], align=True)
 
@@ -207,6 +218,7 @@ def begin_transient(watch: Record) -> None:
     watch.next_report = FIRST_REPORT
     watch.hopping = 0
     watch.next_seek = watch.impacts + SOUGHT
+    watch.looks = 0
 
 
 @kernel
@@ -246,6 +258,7 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
             w.jumped = 0 if is_small else 1
             w.kicked = 0
             w.next_seek = w.impacts + SOUGHT
+            w.looks = 0
             if w.hopping == 1:
                 return i + 1, BEGUN, 0
             if w.locked > 0:
@@ -289,8 +302,9 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
                 w.next_seek = n + SOUGHT
             elif w.home >= 0 and n - w.visited >= AWAY:
                 return i + 1, HOPPED, -1
-            elif n >= w.next_seek:
+            elif n >= w.next_seek and w.looks < LOOKS + w.since_retune // RARELY:
                 w.next_seek = n + max(AGAIN, (n - w.visited) // 8)
+                w.looks += 1
                 return i + 1, NOISY, 0
             if w.loud < CALM:
                 return i + 1, CALMED, 0
