@@ -14,6 +14,7 @@
 
 """The core of a stable orbit: balls round its points from which nearly all trajectories settle."""
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -27,6 +28,9 @@ from ..flight.closed_form import NO_WALL
 from ..flight.elementary import TWO_PI
 from ..model import Model
 
+# A ball of the metric of `distance`, and the attractor in whose core it is.
+BALL: Final = np.dtype([('phase', np.float64), ('velocity', np.float64), ('radius', np.float64),
+                        ('label', np.int64)], align=True)
 # The widest ball that is tried; the share of its points that must settle; points along an edge.
 WIDEST: Final = 0.4
 SETTLES: Final = 0.99
@@ -37,15 +41,20 @@ SETTLED: Final = 1e-5
 PATIENCE: Final = 5000
 
 
-def radius_of(orbit: Orbit, smallest: float) -> float:
-    """Return the radius of the balls that are the core of an orbit that does not stick [1]."""
+def widest(is_core: Callable[[FloatArray], bool], smallest: float) -> float:
+    """Return the radius of the widest balls [1] that are a core, by points spread over them."""
     side = np.linspace(-1.0, 1.0, ACROSS)
     grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     radius = WIDEST
-    while radius > smallest and not _is_core(
-            orbit.walls, orbit.points, radius * grid, orbit.parameters.model):
+    while radius > smallest and not is_core(radius * grid):
         radius /= 2.0
     return radius
+
+
+def radius_of(orbit: Orbit, smallest: float) -> float:
+    """Return the radius of the balls that are the core of an orbit that does not stick [1]."""
+    return widest(lambda shifts: _is_core(
+        orbit.walls, orbit.points, shifts, orbit.parameters.model), smallest)
 
 
 @kernel

@@ -31,7 +31,7 @@ from ..arrays import Record, RecordArray
 from ..compiled import kernel
 from ..flight.elementary import TWO_PI
 from ..model import Parameters
-from ..orbits.cores import radius_of
+from ..orbits.cores import BALL, radius_of
 from ..orbits.orbit import close_orbit, Orbit, same_orbit
 from ..orbits.section import distance, distances, turn
 
@@ -51,8 +51,6 @@ AWAY: Final = 1000
 KNOWN_MOST: Final = 32
 SAME: Final = 1e-6
 
-BALL: Final = np.dtype([('phase', np.float64), ('velocity', np.float64), ('radius', np.float64),
-                        ('owner', np.int64)], align=True)
 # Impacts in the core of an orbit, and their distances from it.
 TALLY: Final = np.dtype([('inside', np.int64), ('squares', np.float64), ('largest', np.float64)],
                         align=True)
@@ -64,11 +62,11 @@ def visited(balls: RecordArray, tallies: RecordArray, impact: Record) -> int:
     for ball in balls:
         apart = distance(impact.velocity, impact.phase, ball.velocity, ball.phase)
         if apart <= ball.radius:
-            tally = tallies[ball.owner]
+            tally = tallies[ball.label]
             tally.inside += 1
             tally.squares += apart * apart
             tally.largest = max(tally.largest, apart)
-            return int(ball.owner)
+            return int(ball.label)
     return -1
 
 
@@ -122,7 +120,7 @@ class Hops:
             return False
         balls = np.zeros(orbit.impacts, BALL)
         balls['phase'], balls['velocity'] = orbit.points.T
-        balls['radius'], balls['owner'] = found.radius, len(self.known)
+        balls['radius'], balls['label'] = found.radius, len(self.known)
         self.balls = np.concatenate([self.balls, balls])
         self.known.append(found)
         return True
