@@ -201,8 +201,8 @@ VIEWER: Final = (
            choices=('auto', 'native', 'web', 'none')),
     _fixed('save', '', 'file to write as well (.rrd); empty = none', ''),
     _fixed('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
-    _fixed('colour', 'age', 'quantity that colours the section: age or alpha', '',
-           choices=('age', 'alpha')),
+    _fixed('colour', 'age', 'what colours the section: age, alpha, or attractor (the one visited '
+           'last)', '', choices=('age', 'alpha', 'attractor')),
 )
 TELEOP: Final = (
     _fixed('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),

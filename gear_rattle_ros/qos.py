@@ -62,11 +62,11 @@ _BASIN: Final = ('basin', 'attractors', 'basin_state', 'skeleton')
 OVERRIDABLE: Final[Mapping[str, Mapping[str, Sequence[str]]]] = {
     'simulator': {'publisher': ('impacts', 'joint_states', '/clock')},
     'lyapunov': {'publisher': ('lyapunov',), 'subscription': ('impacts',)},
-    'transients': {'publisher': ('transient', 'last_impact', 'rattle'),
+    'transients': {'publisher': ('transient', 'last_impact', 'rattle', 'hops'),
                    'subscription': ('impacts',)},
     'basin': {'publisher': (*_BASIN, 'smallest_kick')},
     'recorder': {'subscription': ('impacts', 'joint_states', 'lyapunov', 'transient',
-                                  'last_impact', 'rattle', *_BASIN, 'smallest_kick')},
+                                  'last_impact', 'rattle', 'hops', *_BASIN, 'smallest_kick')},
     'teleop': {},
     'viewer': {'subscription': ('impacts', 'lyapunov', 'transient', *_BASIN)},
 }

@@ -126,8 +126,8 @@ def test_a_scene_takes_the_place_of_our_parameters_not_of_the_users(
     file = tmp_path / 'mine.yaml'
     file.write_text('')
     for given, expected in (
-            ({}, [str(LAUNCH.parent / 'suite.yaml')]), ({'scene': 'jumps'}, []),
-            ({'scene': 'jumps', 'parameters': str(file)}, [str(file)])):
+            ({}, [str(LAUNCH.parent / 'suite.yaml')]), ({'scene': 'hops'}, []),
+            ({'scene': 'hops', 'parameters': str(file)}, [str(file)])):
         nodes, _ = launched(entities, **given)
         assert nodes['simulator'].parameters[:-1] == expected
         assert nodes['lyapunov'].parameters[:-1] != []

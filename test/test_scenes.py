@@ -77,7 +77,7 @@ def test_names_and_values_are_those_of_the_simulator() -> None:
 def test_paper_is_there_by_name() -> None:
     """The six situations, at the paper's amplitudes."""
     alphas = {name: scene.steps[0].parameters['alpha'] for name, scene in load_scenes().items()}
-    assert alphas == {'hysteresis': 0.47, 'two-attractors': 0.48, 'jumps': 0.48, 'chaotic-b': 0.57,
+    assert alphas == {'hysteresis': 0.47, 'two-attractors': 0.48, 'hops': 0.48, 'chaotic-b': 0.57,
                       'before-crisis': 1.23, 'long-transient': 1.244}
 
 
@@ -134,7 +134,7 @@ def test_long_transient_is_that_of_figures_9b_and_10() -> None:
 
 def test_noise_makes_the_driven_gear_jump_between_a_and_b() -> None:
     """Tens of jumps each way; with kicks of 0.003 there are none."""
-    known = find_scene('jumps').steps[0].parameters
+    known = find_scene('hops').steps[0].parameters
     attractors = find_attractors(Parameters(alpha=known['alpha']))
     for noise, least, most in ((known['noise'], 20, 80), (0.003, 0, 0)):
         events = Simulation(attractors.parameters, State(0, 0.0, 0.0, -1.0), noise=noise,
@@ -220,5 +220,5 @@ def test_bad_scene_is_named_in_one_line(tmp_path: Path, text: str, words: str) -
 
 def test_unknown_scene_is_answered_with_all() -> None:
     """The names are in the answer."""
-    with pytest.raises(ValueError, match='hysteresis, two-attractors, jumps, chaotic-b'):
+    with pytest.raises(ValueError, match='hysteresis, two-attractors, hops, chaotic-b'):
         find_scene('chaos')

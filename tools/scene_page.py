@@ -68,7 +68,7 @@ def play(scene: Scene) -> list[Stretch]:
         parts = [*_enter(simulation, step, known if number else {}),
                  *_last(simulation, step, known)]
         events = np.concatenate(parts)
-        detector.update(events)
+        changes = detector.update(events)
         impacts, exponents = [], []
         for piece in np.array_split(events, max(len(events) // WINDOW, 1)):
             running.update(piece)
@@ -76,8 +76,10 @@ def play(scene: Scene) -> list[Stretch]:
             impacts.append(total)
             exponents.append(running.report.lambda_1_finite)
         report = running.report
+        visits = tuple((change.start + (change.lifetime or 0), change.letter)
+                       for change in changes if known['noise'] and change.letter)
         stretches.append(Stretch(step, events, detector.report.describe(), tuple(impacts),
-                                 tuple(exponents), report.lambda_1, report.lambda_1_error))
+                                 tuple(exponents), report.lambda_1, report.lambda_1_error, visits))
     return stretches
 
 

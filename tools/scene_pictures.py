@@ -26,6 +26,7 @@ import numpy as np
 from PIL import Image
 
 from gear_rattle_ros.core.model import EventArray, EventKind
+from gear_rattle_ros.core.orbits.letters import LETTERS
 from gear_rattle_ros.figures.style import DPI, Looks, new_figure, phase_ticks
 from gear_rattle_ros.palette import GREY, hue
 from gear_rattle_ros.scenes import Scene, Step
@@ -48,6 +49,8 @@ class Stretch:
     exponents: tuple[float, ...]
     exponent: float
     error: float
+    # First impacts on attractors, and the letters of these, where noise makes the gear hop.
+    visits: tuple[tuple[int, str], ...] = ()
 
 
 def draw(scene: Scene, stretches: list[Stretch]) -> Figure:
@@ -84,15 +87,27 @@ def _impacts(events: EventArray) -> EventArray:
     return impacts[np.sort(np.random.default_rng(0).choice(len(impacts), POINTS, replace=False))]
 
 
-def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, number: int) -> None:
+def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str | list[str]) -> None:
     axes.scatter(x, y, s=float(np.clip(20_000 / max(len(x), 1), 1.5, 16.0)), linewidths=0,
-                 color=hue(number))
+                 color=colour)
+
+
+def _colours(stretch: Stretch, impacts: EventArray, number: int) -> str | list[str]:
+    if not stretch.visits:
+        return hue(number)
+    first, letters = zip(*stretch.visits, strict=True)
+    colours = [GREY, *(hue(LETTERS.index(letter)) for letter in letters)]
+    return [colours[k] for k in np.searchsorted(first, impacts['index'], 'right')]
 
 
 def _draw_section(axes: Axes, stretches: list[Stretch]) -> None:
     for number, stretch in enumerate(stretches):
         impacts = _impacts(stretch.events)
-        _dots(axes, impacts['phase'], impacts['velocity'], number)
+        _dots(axes, impacts['phase'], impacts['velocity'], _colours(stretch, impacts, number))
+        for letter in sorted({letter for _, letter in stretch.visits}):
+            axes.scatter([], [], s=30, color=hue(LETTERS.index(letter)), label=letter)
+        if stretch.visits:
+            axes.legend(title='visited last', loc='upper left', bbox_to_anchor=(0.0, 0.95))
         if len(stretches) > 1:
             axes.scatter([], [], s=30, color=hue(number), label=f'step {number + 1}')
     if len(stretches) > 1:
@@ -111,7 +126,7 @@ def _draw_velocities(axes: Axes, stretches: list[Stretch]) -> None:
         impacts = _impacts(stretch.events)
         first = stretches[number - 1].impacts[-1] if number else 0
         _dots(axes, first + np.linspace(0, stretch.impacts[-1] - first, len(impacts)),
-              impacts['velocity'], number)
+              impacts['velocity'], _colours(stretch, impacts, number))
     axes.set(title='Velocity before the impact', xlabel='impact number', ylabel="s' [1]")
     _count_axis(axes)
 
@@ -130,7 +145,7 @@ def _draw_diagram(axes: Axes, stretches: list[Stretch]) -> None:
     for number, stretch in enumerate(stretches):
         impacts = _impacts(stretch.events)
         impacts = impacts[impacts['velocity'] > 0.0]
-        _dots(axes, impacts['alpha'], impacts['velocity'], number)
+        _dots(axes, impacts['alpha'], impacts['velocity'], hue(number))
     axes.set(title='Velocity before impacts on the upper wall', xlabel='alpha [1]',
              ylabel="s' [1]")
 

@@ -23,7 +23,7 @@ the attractor whose core it has visited last: one that only crosses a boundary h
 from collections import Counter
 from collections.abc import Mapping
 import math
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,17 +31,12 @@ from .catalogue import Attractor, Catalogue
 from ..core.arrays import FloatArray, IntArray
 from ..core.flight.elementary import TWO_PI
 from ..core.flight.lanes import EMPTY
-from ..core.many.hopping import BALL, Cores, cores_along, make_cores
+from ..core.many.hopping import Cores, cores_along, make_cores
 from ..core.many.recorded import initial_after
 from ..core.many.settling import BOXES
+from ..core.orbits.cores import BALL, SETTLES, widest
 from ..core.orbits.orbit import Orbit
 from ..core.words import in_columns
-
-# The widest ball [1], which is halved until at least this share of it settles on the orbit, and
-# the points that are tried along an edge.
-WIDEST: Final = 0.4
-SETTLES: Final = 0.99
-ACROSS: Final = 21
 
 
 class Jumps(NamedTuple):
@@ -95,19 +90,14 @@ def radii_of(cores: Cores) -> dict[int, float]:
 
 def core_radius(catalogue: Catalogue, attractor: Attractor, orbit: Orbit) -> float:
     """Return the radius of the balls round the points of an orbit [1]."""
-    side = np.linspace(-1.0, 1.0, ACROSS)
-    grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    radius = WIDEST
-    while radius > catalogue.tolerance:
-        tried = np.concatenate([point + radius * grid for point in orbit.points])
-        walls = np.repeat(orbit.walls, len(grid))
-        tried = tried[np.signbit(tried[:, 1]) == walls]
+    def is_core(shifts: FloatArray) -> bool:
+        tried = np.concatenate([point + shifts for point in orbit.points])
+        tried = tried[np.signbit(tried[:, 1]) == np.repeat(orbit.walls, len(shifts))]
         initial = initial_after(orbit.parameters, tried[:, 0] % TWO_PI, tried[:, 1])
         labels = catalogue.label(initial, threads=1)['label']
-        if np.mean(labels == attractor.label) >= SETTLES:
-            break
-        radius /= 2.0
-    return radius
+        return bool(np.mean(labels == attractor.label) >= SETTLES)
+
+    return widest(is_core, catalogue.tolerance)
 
 
 def _counted(count: int) -> str:

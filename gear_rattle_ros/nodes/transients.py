@@ -29,9 +29,10 @@ from .base.process import run_node
 from ..core.flight.simulation import Simulation
 from ..core.gears import Gears
 from ..core.model import EventArray, EventKind, Parameters, State
-from ..core.orbits.letters import LETTERS
+from ..core.orbits.letters import letter_of, LETTERS
+from ..core.stream.hops import Known
 from ..core.stream.rattle import rattle_of, RunningRattle
-from ..core.stream.report_values import transient_values
+from ..core.stream.report_values import hop_values, transient_values
 from ..core.stream.transients import Regime, TransientDetector, TransientReport
 from ..gear_pairs import pair_of
 from ..messages import diagnostic_array, named_values
@@ -53,7 +54,7 @@ class Transients(ReportingNode):
         unit = self._gears.scales.velocity_m_per_s if self._gears else 1.0
         self._rattle = RunningRattle(self.number('rattle_above') / unit)
         # Compile the kernels before the first batch.
-        some = Simulation(Parameters(), State()).advance(100, 0.0, 400)
+        some = Simulation(Parameters(), State(), noise=0.01).advance(100, 0.0, 400)
         TransientDetector(self._tolerance).update(some)
         rattle_of(some)
         self._detector = TransientDetector(self._tolerance)
@@ -61,11 +62,16 @@ class Transients(ReportingNode):
         self._last: Any = None
         self._publisher = self.create_publisher(DiagnosticArray, 'transient', LATCHED)
         self._display = self.create_publisher(JointState, 'last_impact', STREAM)
+        self._hops = self.create_publisher(JointState, 'hops', STREAM)
+        self._counted: Any = None
+        # The names of known orbits: a letter takes long to find.
+        self._names: dict[Known, str] = {}
         if self.number('display_rate') > 0.0:
             self.every(1.0 / self.number('display_rate'), self._show)
         self._rattling = self.create_publisher(JointState, 'rattle', STREAM)
         if self.number('rattle_rate') > 0.0:
             self.every(1.0 / self.number('rattle_rate'), self._publish_rattle)
+        self.every(1.0, self._count)
         self._input = EventInput(
             self, self._detector.guard, self._take, 'the search for an orbit begins again')
         self.get_logger().info('ready')
@@ -99,6 +105,16 @@ class Transients(ReportingNode):
         impacts = np.flatnonzero(events['kind'] == EventKind.IMPACT)
         if len(impacts):
             self._last = events[impacts[-1]]
+
+    def _count(self) -> None:
+        hops, index = self._detector.hops, self._detector.index
+        if not hops.known or self._counted == (hops, index):
+            return
+        self._counted = hops, index
+        self._names = {known: self._names.get(known) or letter_of(known.orbit) or known.orbit.key
+                       for known in hops.known}
+        self._hops.publish(named_values(
+            hop_values(hops, index, self._names.__getitem__), self._input.stamp))
 
     def _show(self) -> None:
         if self._last is not None:

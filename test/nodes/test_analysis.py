@@ -25,6 +25,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
+from gear_rattle_ros.core.stream.report_values import hop_values
 from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.qos import LATCHED, STREAM
@@ -124,6 +125,28 @@ def test_late_joiner_begins_where_it_comes_in(bench, events):
     assert same(lyapunov.said[-1], expected(events[3000:5000]))
     assert lyapunov.said[-1]['impacts'] == 1999
     assert f'joined the stream at impact {events["index"][3000]}' in lyapunov.process.text()
+
+
+def test_hops_over_dds_are_those_of_the_core(bench, rclpy_node):
+    """Each is a report; occupation and rates have the letters of the paper."""
+    node, counts = bench('transients'), []
+    rclpy_node.create_subscription(JointState, 'hops', lambda message: counts.append(
+        dict(zip(message.name, message.position, strict=True))), STREAM)
+    noisy = Simulation(Parameters(alpha=0.48), State(velocity=-1.0), noise=0.02, seed=1).advance(
+        10**8, 0.0, 20_000)
+    node.send(noisy)
+    node.spin(lambda: counts and counts[-1]['index'] == noisy['index'][-1])
+    detector = TransientDetector()
+    changes = detector.update(noisy)
+    letters = {3: 'A', 2: 'B'}
+    assert counts[-1] == hop_values(detector.hops, int(noisy['index'][-1]),
+                                    lambda known: letters[known.orbit.impacts])
+    assert counts[-1]['occupation A'] + counts[-1]['occupation B'] == pytest.approx(1.0)
+    last = changes[-1]
+    node.spin(lambda: node.said and node.said[-1]['index'] == str(last.index))
+    assert node.said[-1]['previous'] == last.previous != ''
+    assert node.said[-1]['residence'] == str(last.residence)
+    assert node.process.stop(signal.SIGINT) == 0, node.process.text()
 
 
 @pytest.mark.parametrize('name', ['lyapunov', 'transients'])

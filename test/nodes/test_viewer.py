@@ -102,6 +102,23 @@ def test_axes_go_on_over_holes_restarts_and_full_counters() -> None:
     assert recent.impact_number(int(recent.now.event['index']) - 3) == recent.now.impact - 3
 
 
+def test_impacts_have_the_colour_of_the_attractor_visited_last() -> None:
+    """Also those before it was recognised; a report replaces what is not before its impact."""
+    recent = Recent(1000)
+    events = story()
+    recent.take(events)
+    rows = recent.impacts_after(0)
+    last = int(rows['impact'][-1])
+    for first, colour in ((last - 300, '#111111'), (last - 50, '#222222'), (last - 100, '#333333'),
+                          (last - 10, '#444444')):
+        recent.visit(int(first), colour)
+    painted = recent.colours_of(rows)
+    wanted = np.select(
+        [rows['impact'] >= last - 10, rows['impact'] >= last - 100, rows['impact'] >= last - 300],
+        [0x444444FF, 0x333333FF, 0x111111FF], 0xB0B0B0FF)
+    np.testing.assert_array_equal(painted, wanted)
+
+
 def test_scales_and_colours() -> None:
     """Limits are round, hold their data and do not flicker; colours run from dark to bright."""
     assert nice_limit(0.97, 0.0) == 1.5 and nice_limit(0.94, 0.0) == 1.0

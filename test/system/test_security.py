@@ -122,6 +122,7 @@ def bag_of_everything(path: Path) -> None:
         ('lyapunov', 'sensor_msgs/msg/JointState'), ('basin', 'sensor_msgs/msg/Image'),
         ('transient', 'diagnostic_msgs/msg/DiagnosticArray'),
         ('last_impact', 'sensor_msgs/msg/JointState'), ('rattle', 'sensor_msgs/msg/JointState'),
+        ('hops', 'sensor_msgs/msg/JointState'),
         ('attractors', 'sensor_msgs/msg/PointCloud2'),
         ('basin_state', 'diagnostic_msgs/msg/DiagnosticArray'),
         ('smallest_kick', 'diagnostic_msgs/msg/DiagnosticArray'),

@@ -43,8 +43,6 @@ from ..model import ALPHA_MAXIMUM, EVENT
 from ..orbits.section import distance
 
 # A point of a periodic orbit, with the ball round it.
-BALL: Final = np.dtype([('phase', np.float64), ('velocity', np.float64), ('radius', np.float64),
-                        ('label', np.int64)], align=True)
 # A stay: the attractor, the one that follows (EMPTY where it was not seen to end), how long it
 # lasted from the first impact in the one core to the first in the other.
 STAY: Final = np.dtype([('label', np.int64), ('following', np.int64), ('impacts', np.int64),

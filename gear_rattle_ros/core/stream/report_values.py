@@ -14,11 +14,12 @@
 
 """Reports of the analyses as named values: what is published live and recomputed from a bag."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import itertools
 import math
 from typing import Final
 
+from .hops import Hops, Known
 from .lyapunov import LyapunovReport
 from .transients import TransientReport
 from ..model import Wall
@@ -70,6 +71,26 @@ def transient_values(report: TransientReport) -> dict[str, object]:
     for number, (wall, (phase, velocity)) in enumerate(itertools.islice(points, POINTS_MOST)):
         values[f'point_{number}'] = (
             f'{Wall(wall).label} wall, phase {phase!r}, velocity {velocity!r}')
+    return values
+
+
+def hop_values(hops: Hops, index: int, name: Callable[[Known], str]) -> dict[str, float]:
+    """Name what is known of hops up to an impact: occupation, rates per impact [1], cores."""
+    stays = hops.stays.copy()
+    if hops.home >= 0:
+        stays[hops.home] += (index - hops.since) % 2**32
+    total = (index - hops.begun) % 2**32
+    names = {number: name(each) for number, each in enumerate(hops.known)}
+    values = {'index': float(index), 'impacts': float(total), 'attractors': float(len(names))}
+    for number, known in enumerate(hops.known):
+        values |= {f'{what} {names[number]}': value for what, value in (
+            ('occupation', stays[number] / total if total else math.nan),
+            ('radius', known.radius), ('spread', hops.spread(number)[1]))}
+    for (before, after), count in sorted(hops.counts.items()):
+        if before >= 0 and after >= 0 and stays[before]:
+            hop = f'{names[before]} to {names[after]}'
+            values |= {f'hops {hop}': float(count), f'rate {hop}': count / stays[before],
+                       f'rate_error {hop}': math.sqrt(count) / stays[before]}
     return values
 
 

@@ -23,6 +23,18 @@ from typing import Any, Final
 import numpy as np
 
 from .guard import StreamGuard
+from .hops import (
+    AGAIN,
+    AWAY,
+    Hops,
+    LOOKS,
+    mean_round,
+    RARELY,
+    SOUGHT,
+    sought,
+    visited,
+    visits,
+)
 from .lyapunov import RunningLyapunov
 from ..arrays import FloatArray, Record, RecordArray
 from ..compiled import kernel
@@ -31,7 +43,7 @@ from ..flight.elementary import TWO_PI
 from ..model import EventArray, EventKind, Parameters
 from ..orbits.letters import letter_of
 from ..orbits.orbit import close_orbit, Orbit
-from ..orbits.section import distance, distances, turn
+from ..orbits.section import distance, distances
 from ..words import counted
 
 IMPACT, STICK, RELEASE, RETUNE, RESET = (int(kind) for kind in EventKind)
@@ -55,7 +67,13 @@ MEANT: Final = HOLD // 2
 # A transient is reported again after this many impacts, and whenever they have doubled.
 FIRST_REPORT: Final = 1000
 
-NOTHING, CANDIDATE, LEFT, BEGUN, RESTED, JUMPED, GROWN = range(7)
+# Kicks beyond this share of the tolerance hide how impacts recur. The share of impacts with such
+# ones is remembered for this many impacts; below the last number noise has ended.
+LOUD: Final = 0.1
+REMEMBERED: Final = 32.0
+CALM: Final = 0.01
+
+NOTHING, CANDIDATE, LEFT, BEGUN, RESTED, JUMPED, GROWN, NOISY, HOPPED, CALMED = range(10)
 
 SECTION: Final = np.dtype([
     ('wall', np.int64), ('phase', np.float64), ('velocity', np.float64),
@@ -65,8 +83,10 @@ WATCH: Final = np.dtype([
     ('impacts', np.int64), ('time', np.float64), ('locked', np.int64), ('base', np.int64),
     ('next_look', np.int64), ('next_report', np.int64), ('quiet', np.int64), ('resting', np.int64),
     ('retunes', np.int64), ('retune_index', np.int64), ('since_retune', np.int64),
-    ('jumped', np.int64), ('kicked', np.int64), ('stick_at', np.int64, 2),
-    ('stick_lag', np.int64, 2), ('recurrences', np.int64, LONGEST_ORBIT + 1),
+    ('jumped', np.int64), ('kicked', np.int64), ('loud', np.float64),
+    ('hopping', np.int64), ('home', np.int64), ('visited', np.int64), ('next_seek', np.int64),
+    ('looks', np.int64), ('stick_at', np.int64, 2), ('stick_lag', np.int64, 2),
+    ('recurrences', np.int64, LONGEST_ORBIT + 1),
 ], align=True)
 
 
@@ -196,25 +216,31 @@ def begin_transient(watch: Record) -> None:
     """Leave any orbit and count from here; what recurs goes on recurring."""
     watch.locked = watch.resting = watch.next_look = watch.quiet = watch.retunes = 0
     watch.next_report = FIRST_REPORT
+    watch.hopping = 0
+    watch.next_seek = watch.impacts + SOUGHT
+    watch.looks = 0
 
 
 @kernel
 def restart(watch: Record) -> None:
     """Forget all impacts."""
+    watch.impacts = 0
     begin_transient(watch)
-    watch.impacts = watch.since_retune = watch.jumped = watch.kicked = 0
-    watch.time = 0.0
+    watch.since_retune = watch.jumped = watch.kicked = 0
+    watch.time = watch.loud = 0.0
     watch.retune_index = watch.stick_at[:] = -1
     watch.stick_lag[:] = watch.recurrences[:] = 0
 
 
 @kernel
 def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: RecordArray,
-                 events: RecordArray, tolerance: float) -> tuple[int, int, int]:
+                 events: RecordArray, tolerance: float, balls: RecordArray, tallies: RecordArray
+                 ) -> tuple[int, int, int]:
     """Look at events, a stretch without a hole, until there is something to report."""
-    # Returns how many were looked at, what to report (NOTHING to GROWN), and the period of a
-    # candidate, also of one that holds where an orbit is left. `last` becomes the last one looked
-    # at; `orbit` is the one that the trajectory is on, if any, from impact `base` on.
+    # Returns how many were looked at, what to report (NOTHING to CALMED), and the period of a
+    # candidate, also of one that holds where an orbit is left, or the orbit that was hopped to.
+    # `last` becomes the last one looked at; `orbit` is the one that the trajectory is on, if any,
+    # from impact `base` on; `balls` are the cores between which it hops.
     w = watch
     for i in range(len(events)):
         event = events[i]
@@ -231,6 +257,10 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
             w.since_retune = 0
             w.jumped = 0 if is_small else 1
             w.kicked = 0
+            w.next_seek = w.impacts + SOUGHT
+            w.looks = 0
+            if w.hopping == 1:
+                return i + 1, BEGUN, 0
             if w.locked > 0:
                 # Looked at anew when the parameters have stayed for a while.
                 w.next_look = w.impacts + 2 * w.locked + HOLD
@@ -252,11 +282,33 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
         here.flight_time = w.time
         here.sticks = 1 if event.kind == STICK else 0
         here.kicked = 0
+        is_loud = 0.0
         if event.kind == IMPACT and event.velocity_after != -event.restitution * event.velocity:
             here.kicked = w.kicked = 1
+            if abs(event.velocity_after + event.restitution * event.velocity) > LOUD * tolerance:
+                is_loud = 1.0
+        w.loud += (is_loud - w.loud) / REMEMBERED
         w.time = 0.0
         w.impacts = n + 1
         w.since_retune += 1
+        if w.hopping == 1:
+            if event.kind == STICK and rests_permanently(event):
+                return i + 1, RESTED, 0
+            core = visited(balls, tallies, here)
+            if core >= 0 and core != w.home:
+                return i + 1, HOPPED, core
+            if core >= 0:
+                w.visited = n
+                w.next_seek = n + SOUGHT
+            elif w.home >= 0 and n - w.visited >= AWAY:
+                return i + 1, HOPPED, -1
+            elif n >= w.next_seek and w.looks < LOOKS + w.since_retune // RARELY:
+                w.next_seek = n + max(AGAIN, (n - w.visited) // 8)
+                w.looks += 1
+                return i + 1, NOISY, 0
+            if w.loud < CALM:
+                return i + 1, CALMED, 0
+            continue
         # The flight to the first impact began anywhere: it recurs with nothing.
         longest = min(LONGEST_ORBIT, n - 1)
         found = 0
@@ -293,6 +345,10 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
                 return i + 1, CANDIDATE, w.locked
             continue
         w.quiet += 1
+        if n >= w.next_seek and w.resting == 0:
+            w.next_seek = n + max(AGAIN, w.quiet // 8)
+            if w.loud > 0.5:
+                return i + 1, NOISY, 0
         if found > 0 and n >= w.next_look:
             held = w.recurrences[found] if found <= LONGEST_ORBIT else 0
             w.next_look = n + max(PATIENCE, held // 8)
@@ -330,9 +386,11 @@ class TransientDetector:
     lies within the tolerance of the one q before, at the same wall, in phase and velocity; when
     the flight times add up to whole drive periods, at least one (chatter's do not); and when
     Newton's method finds a stable orbit within a quarter of the tolerance of the last period.
-    Where noise kicks the impacts, recurrence is enough. Longer orbits, of at most 1024 impacts,
-    are looked for whenever a transient is reported. An orbit that sticks is recognised, whatever
-    its number of impacts, when two rounds from stick to stick are the same.
+    Where noise kicks the impacts, recurrence is enough; through kicks that are not far below the
+    tolerance an orbit is recognised as `hops` describes, and the trajectory is on it until it
+    visits the core of another, or none for long: a hop is a report of its own. Longer orbits, of
+    at most 1024 impacts, are looked for whenever a transient is reported. An orbit that sticks is
+    recognised, whatever its number of impacts, when two rounds from stick to stick are the same.
 
     An orbit is left when an impact is off it and does not recur. A retune does not end it, nor
     does a ramp: it is reported once more when the parameters have stayed for a while. A transient
@@ -359,6 +417,7 @@ class TransientDetector:
         # The orbit on which the trajectory was last: its impacts, name, and first impact there.
         self._home: tuple[RecordArray, str, int] | None = None
         self._orbit = np.zeros(1, SECTION)
+        self.hops = Hops()  #: Orbits known through noise since the last retune, reset or hole.
 
     @property
     def report(self) -> TransientReport:
@@ -373,6 +432,11 @@ class TransientDetector:
             kicked=bool(self._watch[0]['kicked']), retunes=int(self._watch[0]['retunes']),
             exponent=now.lambda_1 if is_known else now.lambda_1_finite,
             exponent_error=now.lambda_1_error)
+
+    @property
+    def index(self) -> int:
+        """Return the number of the last impact."""
+        return self._index()
 
     @property
     def impacts(self) -> int:
@@ -391,7 +455,7 @@ class TransientDetector:
             while len(stretch):
                 done, what, period = watch_events(
                     self._watch[0], self._history, self._orbit, self._last, stretch,
-                    self._tolerance)
+                    self._tolerance, self.hops.balls, self.hops.tallies)
                 if self._report.regime is Regime.TRANSIENT:
                     self._running.update(stretch[:done])
                 stretch = stretch[done:]
@@ -407,11 +471,16 @@ class TransientDetector:
         if what == GROWN:
             lag = long_recurrence(self._history, watch['impacts'], self._tolerance)
             return [(self._confirm(lag) if lag else None) or self.report]
+        if what == NOISY:
+            found = self._seek()
+            return [found] if found else []
+        if what == HOPPED:
+            return [self._hop(period, watch['impacts'] - 1, watch['impacts'] - 1)]
         if what == CANDIDATE:
             settled = self._confirm(period)
             return [settled] if settled else []
         was_reported = self._report.regime is not Regime.TRANSIENT or watch['quiet'] >= HOLD
-        self._depart(what)
+        self._depart(LEFT if what == CALMED else what)
         if what == RESTED:
             return [self._rest()]
         settled = self._confirm(period) if period else None
@@ -424,7 +493,7 @@ class TransientDetector:
 
     def _restart(self) -> TransientReport:
         restart(self._watch[0])
-        self._home = None
+        self.hops, self._home = Hops(), None
         self._begin(self._index())
         assert self._last is not None
         return self._rest() if rests_permanently(self._last[0]) else self._report
@@ -443,7 +512,60 @@ class TransientDetector:
             # A ramp may have moved the orbit since it was recognised.
             self._home = (self._past(period + 1)[:-1], *self._home[1:])
         begin_transient(watch)
+        self.hops = Hops()
         self._begin(retune if by_retune and retune >= 0 else self._index())
+
+    def _seek(self) -> TransientReport | None:
+        # An orbit through noise; its first visit may be long ago.
+        assert self._last is not None
+        watch: Any = self._watch[0]
+        past, hops = self._past(SOUGHT), self.hops
+        found = sought(past, Parameters.of(self._last[0]))
+        if found is None or not hops.learn(found[0].canonical(), found[1], past, self._tolerance):
+            return None
+        now = int(watch['impacts']) - 1
+        alone = now - int(watch['visited']) if watch['hopping'] else int(watch['quiet'])
+        first, last = visits(hops.balls, hops.tallies, self._past(min(alone, now, HISTORY)))
+        if not watch['hopping']:
+            watch['hopping'] = 1
+            watch['stick_at'] = -1
+            watch['stick_lag'] = watch['recurrences'] = 0
+        return self._hop(len(hops.known) - 1, now - first, now - last)
+
+    def _hop(self, owner: int, first: int, last: int) -> TransientReport:
+        # To an orbit whose core impacts are in from the first to the last, or to none.
+        assert self._last is not None
+        watch: Any = self._watch[0]
+        hops, left = self.hops, self._report.start
+        if hops.home >= 0:
+            left = self._number(watch['visited'])
+        number = self._number(first)
+        hops.enter(owner, number)
+        watch['home'], watch['visited'] = owner, last
+        if owner < 0:
+            self._begin(left)
+            return self._report
+        known, (largest, rms) = hops.known[owner], hops.spread(owner)
+        report = TransientReport(
+            Regime.ORBIT, epoch=int(self._last['epoch'][0]), index=self._index(), start=left,
+            lifetime=(number - left) % 2**32, orbit=known.orbit, spread_largest=largest,
+            spread_rms=rms)
+        self._report = self._at_home(report, known.points, number)
+        return self._report
+
+    def _at_home(self, report: TransientReport, impacts: RecordArray, first: int
+                 ) -> TransientReport:
+        # On an orbit from an impact on: where from, if that was another one.
+        if self._home is None or not self._is_same(self._home[0], impacts):
+            if self._home is not None:
+                report = dataclasses.replace(report, previous=self._home[1], residence=(
+                    first - self._home[2]) % 2**32)
+            self._home = (impacts, report.key, first)
+        return report
+
+    def _number(self, place: int) -> int:
+        # Of an impact of the history.
+        return (self._index() - int(self._watch[0]['impacts']) + 1 + int(place)) % 2**32
 
     def _begin(self, start: int) -> None:
         assert self._last is not None
@@ -455,6 +577,7 @@ class TransientDetector:
     def _rest(self) -> TransientReport:
         assert self._last is not None
         begin_transient(self._watch[0])
+        self.hops = Hops()
         self._watch[0]['resting'] = 1
         self._report = TransientReport(
             Regime.REST, epoch=int(self._last['epoch'][0]), index=self._index(),
@@ -548,12 +671,8 @@ class TransientDetector:
             outside = np.flatnonzero(apart > self._tolerance)
             first = self._index() - (kept - 1 - (int(outside[-1]) + 1 if len(outside) else 0))
             lifetime = (first - was.start + 2**31) % 2**32 - 2**31
-            report = dataclasses.replace(report, lifetime=max(lifetime, 0))
-            if self._home is None or not self._is_same(self._home[0], impacts):
-                if self._home is not None:
-                    report = dataclasses.replace(report, previous=self._home[1], residence=(
-                        first - self._home[2]) % 2**32)
-                self._home = (impacts, report.key, first)
+            report = self._at_home(
+                dataclasses.replace(report, lifetime=max(lifetime, 0)), impacts, first)
             watch['locked'], watch['next_look'], watch['resting'] = period, 0, 0
         self._report = report
         return report
@@ -582,10 +701,4 @@ def _laid_along(past: RecordArray, impacts: RecordArray) -> tuple[RecordArray, R
 
 
 def _mean(past: RecordArray, period: int) -> RecordArray:
-    rounds = past[-max(MEANT // period, 1) * period:].reshape(-1, period)
-    mean = rounds[-1].copy()
-    away = np.mean(turn(rounds['phase'] - mean['phase']), axis=0)
-    mean['phase'] = np.mod(mean['phase'] + away, TWO_PI)
-    for name in ('velocity', 'flight_time'):
-        mean[name] = np.mean(rounds[name], axis=0)
-    return mean
+    return mean_round(past[-max(MEANT // period, 1) * period:].reshape(-1, period))

@@ -51,6 +51,7 @@ _TOPICS: Final = (
     ('transient', DiagnosticArray, _LATCHED_INPUT),
     ('last_impact', JointState, STREAM_INPUT),
     ('rattle', JointState, STREAM_INPUT),
+    ('hops', JointState, STREAM_INPUT),
     ('basin', Image, _LATCHED_INPUT),
     ('attractors', PointCloud2, _LATCHED_INPUT),
     ('basin_state', DiagnosticArray, _LATCHED_INPUT),

@@ -123,7 +123,8 @@ def _labels(places: list[tuple[float, float]], labels: list[str]) -> rr.Points2D
 
 
 def blueprint(colour: str) -> rrb.Blueprint:
-    meaning = 'newest brightest' if colour == 'age' else 'coloured by alpha, 0.4 to 1.8'
+    meaning = {'age': 'newest brightest', 'alpha': 'coloured by alpha, 0.4 to 1.8',
+               'attractor': 'in the colour of the attractor visited last'}[colour]
     back, cursor = VELOCITY_WINDOW, rrb.TimeRangeBoundary.cursor_relative
     dark: dict[str, Any] = {'background': rrb.Background(color=GROUND)}
     bare: dict[str, Any] = {'plot_legend': rrb.PlotLegend(visible=False)}

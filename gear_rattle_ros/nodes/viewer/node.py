@@ -34,10 +34,13 @@ from ..base.event_input import EventInput
 from ..base.node import ReportingNode
 from ..base.process import run_node
 from ..base.services import listen
+from ...core.many.settling import RESTS_UPPER, UNSETTLED
 from ...core.model import EVENT, EventArray
+from ...core.orbits.letters import LETTERS
 from ...core.stream.reconstruction import rebuild
 from ...core.stream.report_values import infinite_in_words
 from ...core.words import counted
+from ...palette import ENDS, hue
 from ...qos import LATCHED, STREAM
 
 # The values an estimate of the exponents must have to be shown.
@@ -69,6 +72,8 @@ class Viewer(ReportingNode):
         self._recent = Recent(DRAWN_MOST + 200)
         self._estimate: Mapping[str, float] = {}
         self._transient: tuple[str, Mapping[str, str]] = ('', {})
+        # Numbers of attractors without a letter.
+        self._others: dict[str, int] = {}
         self._basin_input = BasinInput()
         self._basin: BasinPicture | None = None
         self._waiting_since, self._lag = math.inf, 0.0
@@ -127,9 +132,21 @@ class Viewer(ReportingNode):
         values = {item.key: item.value for item in status.values}
         # Refuse what is not a number before it is kept.
         float(values.get('multiplier', 0.0))
+        first = int(values.get('start', 0)) + int(values.get('lifetime', 0))
         self._transient = (status.message, values)
+        self._recent.visit(first % 2**32, self._colour_of(values))
         for scene in self._scenes:
             scene.log(status.message, 'INFO', self._recent.now)
+
+    def _colour_of(self, values: Mapping[str, str]) -> str:
+        # That of its letter, the same in all pictures; others in the order of their appearance.
+        if values.get('state') != 'orbit':
+            return ENDS[UNSETTLED if values.get('state') != 'rest' else RESTS_UPPER]
+        letter = values.get('letter', '')
+        if letter in LETTERS:
+            return hue(LETTERS.index(letter))
+        key = values.get('orbit', '')
+        return hue(len(LETTERS) + self._others.setdefault(key, len(self._others)))
 
     def _take_basin(self, name: str, message: Any) -> None:
         picture = self._basin_input.take(name, message)

@@ -17,15 +17,19 @@
 import numpy as np
 import numpy.typing as npt
 
+from ...core.many.settling import UNSETTLED
 from ...core.model import EVENT, EventArray, EventKind, impact_count
 from ...core.stream.counters import advanced, drive_times, impact_numbers, Place
 from ...core.stream.guard import Piece, StreamGuard
+from ...palette import ENDS, rgba
 
 # An event, its place on both axes, and how many events were seen up to it.
 ROW = np.dtype([
     ('seen', np.int64), ('impact', np.int64), ('drive_time', float), ('kind', np.uint32),
     ('phase', float), ('velocity', float), ('alpha', float)])
 RowArray = npt.NDArray[np.void]
+# Attractors visited one after the other that are remembered.
+_VISITS = 1000
 
 
 class Recent:
@@ -43,6 +47,20 @@ class Recent:
         self._rows = np.empty(0, ROW)
         self._changes = np.empty(0, ROW)
         self._whole = np.empty(0, EVENT)
+        # First impacts of stays on attractors, in order, and the colours of these.
+        self._visits = [(-1, ENDS[UNSETTLED])]
+
+    def visit(self, index: int, colour: str) -> None:
+        """Note that the trajectory is on an attractor of a colour from an impact on."""
+        number = self.impact_number(index)
+        before = [each for each in self._visits[-_VISITS:] if each[0] < number]
+        self._visits = [*(before or self._visits[:1]), (number, colour)]
+
+    def colours_of(self, impacts: RowArray) -> npt.NDArray[np.uint32]:
+        """Return the colours of the attractors on which impacts are."""
+        first, colours = zip(*self._visits, strict=True)
+        place = np.searchsorted(first, impacts['impact'], 'right') - 1
+        return np.array([rgba(colour) for colour in colours], np.uint32)[np.maximum(place, 0)]
 
     def take(self, events: EventArray) -> None:
         """Take the next batch; most of the work is left until it is drawn."""

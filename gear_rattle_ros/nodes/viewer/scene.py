@@ -65,7 +65,7 @@ class Scene:
     def __init__(self, recording: rr.RecordingStream, colour: str, thins: bool) -> None:
         self.rows = self.drawn = 0
         self._recording = recording
-        self._by_alpha = colour == 'alpha'
+        self._colour = colour
         self._thins = thins
         self._begun: float | None = None
         self._next = -math.inf
@@ -114,7 +114,7 @@ class Scene:
         if recent.seen != self._seen:
             impacts = recent.impacts_after(self._seen)[-DRAWN_MOST:]
             if len(impacts):
-                self._draw_impacts(impacts, recent.now)
+                self._draw_impacts(impacts, recent, recent.now)
             self._draw_flight(recent)
             self._draw_alpha(recent.changes_after(self._seen)[-CHANGES_MOST:], recent.now)
             self._seen = recent.seen
@@ -137,7 +137,7 @@ class Scene:
         finally:
             self._recording.disconnect()
 
-    def _draw_impacts(self, impacts: RowArray, now: Place) -> None:
+    def _draw_impacts(self, impacts: RowArray, recent: Recent, now: Place) -> None:
         self.drawn += len(impacts)
         self._columns('velocity', impacts['impact'], impacts['drive_time'],
                       rr.Scalars.columns(scalars=impacts['velocity']))
@@ -148,7 +148,9 @@ class Scene:
         self._needed = nice_limit(float(np.abs(ring['velocity']).max()), self._needed)
         self._scale(now)
         places = np.stack([ring['phase'], ring['velocity']], axis=1).astype(np.float32)
-        colours = axes.colours_of((ring['alpha'] - 0.4) / 1.4) if self._by_alpha else (
+        colours = (
+            axes.colours_of((ring['alpha'] - 0.4) / 1.4) if self._colour == 'alpha' else
+            recent.colours_of(ring) if self._colour == 'attractor' else
             axes.colours_of(np.linspace(0.0, 1.0, len(ring)) ** 2, axes.GREYS))
         self._send('section/plane/impacts', now, points(positions=places, colors=colours))
         self._send('section/plane/newest', now, points(positions=places[-BRIGHT_POINTS:]))
