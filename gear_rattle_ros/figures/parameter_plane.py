@@ -68,7 +68,8 @@ def paint(dataset: 'xarray.Dataset', looks: Looks
     picture = looks.scale('gray_r')(0.1 + 0.9 * greys(np.where(is_chaos, exponents, 0.0)))[..., :3]
     parts = [(counted(period, 'impact'), looks.hue(period - 1), on_orbit & (periods == period))
              for period in range(1, len(HUES) + 1)]
-    parts += [(f'more than {len(HUES)} impacts', LONG, on_orbit & (periods > len(HUES))),
+    parts += [(f'more than {counted(len(HUES), "impact")}', LONG,
+               on_orbit & (periods > len(HUES))),
               ('sticks', STICKS, (kinds == PERIODIC) & ~on_orbit),
               ('at rest', RESTS, kinds == RESTING),
               ('between the walls', BETWEEN, kinds == FLOATS),

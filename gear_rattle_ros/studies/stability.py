@@ -175,7 +175,7 @@ def _kicks(catalogue: Catalogue, reach: float, cap: int, work: Work) -> dict[str
             saddles.append(saddle.key if saddle else '')
             progress.add(1)
     columns: dict[str, tuple[Any, ...]] = {'saddle': (
-        saddles, 'orbit on the boundary that the smallest kick leads to, empty for none', None)}
+        saddles, 'orbit on the boundary that the smallest kick leads to, empty for none', '')}
     for name, kicks, places in zip(('kick', 'displacement'), zip(*found, strict=True), least.T,
                                    strict=True):
         words = f'smallest {name} of an impact that changes the attractor'

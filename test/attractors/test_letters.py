@@ -25,6 +25,7 @@ from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import follow
 from gear_rattle_ros.core.orbits.letters import letter_of
 from gear_rattle_ros.core.orbits.orbit import close_orbit, same_orbit
+from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.studies.orbit_diagram import orbit_diagram
 
 
@@ -71,7 +72,8 @@ def test_other_parameters_have_no_letters() -> None:
 def test_a_letter_goes_along_the_branch() -> None:
     """Orbits that are followed by arclength from one alpha have its letter at others."""
     for each in search(0.5).attractors:
-        for branch in (follow(each.orbit, sign, 0.48, 0.52) for sign in (-1.0, 1.0)):
+        path = Path.over(alpha=(0.48, 0.52))
+        for branch in (follow(each.orbit, path, sign, *path.ends) for sign in (-1.0, 1.0)):
             for orbit in branch.orbits[4::6]:
                 if not orbit.is_stable:
                     continue
@@ -82,7 +84,8 @@ def test_a_letter_goes_along_the_branch() -> None:
 def test_the_chaotic_b_has_the_orbit_in_it_that_b_was() -> None:
     """The unstable orbit of two impacts, followed from 0.48 past all doublings."""
     before = next(each.orbit for each in search(0.48).attractors if each.letter == 'B')
-    branch = follow(before, 1.0, 0.48, 0.57)
+    path = Path.over(alpha=(0.48, 0.57))
+    branch = follow(before, path, 1.0, *path.ends)
     parameters = Parameters(alpha=0.57)
     unstable = close_orbit(branch.orbits[-1].walls, branch.orbits[-1].points, parameters)
     chaos = next(each for each in search(0.57).attractors if each.kind is Kind.CHAOTIC)
@@ -97,7 +100,7 @@ def test_what_has_no_letter_has_no_number_of_one() -> None:
 
 def test_a_diagram_numbers_attractors_by_their_letters() -> None:
     """B doubles to chaos between these columns, and C lives at the first only."""
-    table = orbit_diagram(Parameters(), (0.5, 0.57), columns=3, trajectories=64, keep=256,
+    table = orbit_diagram(Path.over(alpha=(0.5, 0.57)), columns=3, trajectories=64, keep=256,
                           hold=2000, bins=20, sweeps=('random',))
     seen = {(str(letter), int(number), column) for (_, column, slot), number in np.ndenumerate(
         table['attractor'].values) for letter in [table['letter'].values[0, column, slot]]

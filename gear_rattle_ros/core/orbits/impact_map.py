@@ -181,7 +181,10 @@ def close_ring(walls: IntArray, points: FloatArray, reach: float, model: Model) 
                 size = max(size, abs(by))
                 if not abs(points[k, j] - seeds[k, j]) <= reach:
                     return False
-        if size < CLOSED or (size >= shortest and np.abs(defects).max() < ROUNDING):
+        off = 0.0
+        for k in range(q):
+            off = max(off, abs(defects[k, 0]), abs(defects[k, 1]))
+        if size < CLOSED or (size >= shortest and off < ROUNDING):
             return True
         shortest = min(shortest, size)
     return False
