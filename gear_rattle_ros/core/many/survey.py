@@ -62,15 +62,18 @@ CERTAIN: Final = 3.0
 def multiplier(walls: IntArray, points: FloatArray, model: Model) -> tuple[float, int]:
     """Return the largest modulus of the multipliers of an orbit, and its drive periods."""
     _, _, slopes, times = shoot(walls, points, model, False)
-    a, b, c, d = 1.0, 0.0, 0.0, 1.0
+    a, b, c, d, product = 1.0, 0.0, 0.0, 1.0, 1.0
     for k in range(len(walls)):
         one = slopes[k]
+        product *= model.restitution * model.restitution
         a, b, c, d = (one[0, 0] * a + one[0, 1] * c, one[0, 0] * b + one[0, 1] * d,
                       one[1, 0] * a + one[1, 1] * c, one[1, 0] * b + one[1, 1] * d)
-    turns = round(np.sum(times) / TWO_PI)
+    whole = 0.0
+    for time in times:
+        whole += time
+    turns = round(whole / TWO_PI)
     half = 0.5 * abs(a + d)
-    product = (model.restitution**(2 * len(walls))
-               * exp_minus(min(700.0, model.beta * TWO_PI * turns)))
+    product *= exp_minus(min(700.0, model.beta * TWO_PI * turns))
     inside = half * half - product
     return math.sqrt(product) if inside < 0.0 else half + math.sqrt(inside), int(turns)
 
@@ -167,7 +170,8 @@ def gather(outcomes: RecordArray, boxes: Record, growth: FloatArray, slots: Reco
                 alike = is_same(one, other)
             else:
                 mine, theirs = boxes[n], boxes[firsts[k]]
-                alike = np.sum(mine & theirs) > OVERLAP * min(np.sum(mine), np.sum(theirs))
+                alike = np.count_nonzero(mine & theirs) > OVERLAP * min(
+                    np.count_nonzero(mine), np.count_nonzero(theirs))
             if alike:
                 same = k
                 break
