@@ -188,8 +188,12 @@ def gather(outcomes: RecordArray, boxes: Record, growth: FloatArray, slots: Reco
         one = outcomes[firsts[k]]
         if one.kind == UNSETTLED:
             blocks = growth[firsts[k]] / one.trajectories
-            one.exponent = np.mean(blocks)
-            one.error = np.std(blocks) / math.sqrt(len(blocks) - 1.0)
+            one.exponent, scatter = 0.0, 0.0
+            for block in blocks:
+                one.exponent += block / len(blocks)
+            for block in blocks:
+                scatter += (block - one.exponent) * (block - one.exponent)
+            one.error = math.sqrt(scatter / len(blocks) / (len(blocks) - 1.0))
             if one.exponent > CERTAIN * one.error:
                 one.kind = CHAOTIC
             elif one.exponent == -math.inf:
