@@ -111,13 +111,13 @@ def measure(total: FloatArray, last: RecordArray, events: RecordArray, above: fl
         total[DURATION] += d
         # Energy of the gear's own motion, which between impacts only load and drag change.
         load = gamma * (after.displacement - before.displacement - alpha * (sin_1 - sin_0))
-        rise = 0.5 * ((after.velocity - alpha * cos_1)**2
-                      - (before.velocity_after - alpha * cos_0)**2)
+        own, then = before.velocity_after - alpha * cos_0, after.velocity - alpha * cos_1
+        rise = 0.5 * (then * then - own * own)
         drag = load - rise
         if has_stuck(before, after):
             # It follows its flank with the speed -alpha cos tau.
             force = gamma * d + alpha * (cos_1 - cos_0 + beta * (sin_1 - sin_0))
-            drag = 0.5 * beta * alpha**2 * (d + sin_1 * cos_1 - sin_0 * cos_0)
+            drag = 0.5 * beta * alpha * alpha * (d + sin_1 * cos_1 - sin_0 * cos_0)
             total[CONTACT + wall] += d
             total[FORCE + wall] += force
             total[PRESSED] += abs(force)
@@ -126,7 +126,7 @@ def measure(total: FloatArray, last: RecordArray, events: RecordArray, above: fl
         if after.kind > STICK:
             continue
         speed, slower = abs(after.velocity), abs(after.velocity_after)
-        jump, loss = after.velocity - after.velocity_after, 0.5 * (speed**2 - slower**2)
+        jump, loss = after.velocity - after.velocity_after, 0.5 * (speed * speed - slower * slower)
         total[IMPACTS] += 1.0
         total[FORCE + wall] += jump
         total[GIVEN] += jump * alpha * cos_1
@@ -137,7 +137,7 @@ def measure(total: FloatArray, last: RecordArray, events: RecordArray, above: fl
         if speed >= above and speed > 0.0:
             total[COUNT + wall] += 1.0
             total[SPEED] += speed
-            total[SQUARE] += speed**2
+            total[SQUARE] += speed * speed
             total[SPEED_PEAK] = max(total[SPEED_PEAK], speed)
     if len(events):
         last[0] = events[len(events) - 1]
