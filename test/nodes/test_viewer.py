@@ -313,7 +313,7 @@ def test_web_viewer_is_on_this_machine_alone(
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['save:=/nowhere/run.rrd', 'mode:=none'],
      "save = '/nowhere/run.rrd' cannot be written: No such file or directory"),
-    (['colour:=taste'], "colour = 'taste' is not one of age, alpha"),
+    (['colour:=taste'], "colour = 'taste' is not one of age, alpha, attractor"),
 ])
 def test_a_bad_start_is_one_line(start: Callable, arguments: list[str], words: str) -> None:
     """Exit status 2, and one line that names the value."""
