@@ -29,6 +29,7 @@ from rclpy.parameter import Parameter
 from .core import model
 from .core.defaults import QUANTITIES
 from .core.flight import simulation
+from .core.flight.noise import Noise
 from .core.words import shown
 
 Value: TypeAlias = bool | int | float | str
@@ -103,8 +104,13 @@ SIMULATOR: Final = (
     _live('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
     _live('gamma', 0.1, 'constant load', low=-model.GAMMA_MAXIMUM, high=model.GAMMA_MAXIMUM),
     _live('restitution', 0.9, 'coefficient of restitution', low=0.0, high=1.0),
-    _live('noise', 0.0, 'standard deviation of a Gaussian kick at every impact', low=0.0,
+    _live('noise', 0.0, 'standard deviation of what noise_kind says', low=0.0,
           high=simulation.NOISE_MAXIMUM),
+    _live('noise_kind', 'gaussian', 'what is random: a kick at every impact, gaussian or uniform, '
+          'or (jitter) alpha, drawn anew at the end of every drive period', '',
+          choices=tuple(kind.name.lower() for kind in Noise)),
+    _live('control', '', 'law that holds an orbit, as the control node writes it; it ends, and '
+          'becomes empty, when alpha, beta, gamma or restitution changes; empty = none', ''),
     _live('rate', 100.0, 'speed; 0 = as fast as the readers keep up', 'drive periods per second',
           0.0, 1e7),
     _live('alpha_target', 0.48, 'target of a ramp of alpha', low=0.0, high=model.ALPHA_MAXIMUM),

@@ -35,8 +35,10 @@ from .base.pacing import AcknowledgedPace, ClockPace
 from .base.process import run_node
 from .. import messages
 from ..core.flight.fingerprint import fingerprint
+from ..core.flight.law import Law
+from ..core.flight.noise import gaussian, Noise
 from ..core.flight.simulation import Simulation
-from ..core.model import EventArray, Model, Parameters, State
+from ..core.model import ALPHA_MAXIMUM, EventArray, Model, Parameters, State
 from ..core.words import counted
 from ..gear_pairs import pair_of
 from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
@@ -75,9 +77,12 @@ class Simulator(ReportingNode):
         self._paused = False
         self._awaited = int(values['wait_for_readers'])
         began = time.monotonic()
+        # In force but for jitter and control.
+        self._model = Parameters.of(values)
         self._simulation = Simulation(
-            Parameters.of(values), self._initial(values), noise=self.number('noise'),
-            seed=int(values['seed']))
+            self._model, self._initial(values), noise=self.number('noise'),
+            seed=int(values['seed']), kind=_kind_in(values))
+        self._law: Law | None = None
         # Compile or load every kernel before anybody waits for the first event.
         fingerprint()
         self._outbox: list[EventArray] = []
@@ -90,6 +95,8 @@ class Simulator(ReportingNode):
         self._acknowledged = AcknowledgedPace(self._impacts)
         self._by_clock = ClockPace(longest=max(10 * self.number('tick'), 0.5))
         self._setting = False
+        self._validate(values)
+        self._control(Law.of_text(str(values['control'])))
         self._ramp_shown = 0.0
         self._counted = (time.monotonic(), 0)
         self._waiting_since = self._wait_logged = time.monotonic()
@@ -107,7 +114,7 @@ class Simulator(ReportingNode):
         if name:
             self.every(SCENE_EVERY, self._play)
         self.get_logger().info(
-            f'ready in {time.monotonic() - began:.1f} s: {_words(self._simulation.parameters)}')
+            f'ready in {time.monotonic() - began:.1f} s: {_words(self._model)}')
 
     def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
         name, pair = given.get('scene'), pair_of(given)
@@ -140,7 +147,9 @@ class Simulator(ReportingNode):
             'impacts': impacts, 'impacts_per_second': (impacts - before) / (now - since),
             'epoch': self._simulation.epoch, 'cycle': self._simulation.state.cycle,
             'readers': self._impacts.get_subscription_count(),
-            **dataclasses.asdict(self._simulation.parameters), 'noise': self._simulation.noise,
+            **dataclasses.asdict(self._model), 'noise': self._simulation.noise,
+            'noise_kind': self._simulation.kind.name.lower(),
+            'control': self._law.acts.name.lower() if self._law else 'none',
             'rate': self._rate, 'kernels': fingerprint()}
 
     def close(self) -> None:
@@ -170,7 +179,7 @@ class Simulator(ReportingNode):
         now = time.monotonic()
         self._played += 0.0 if self._paused or self._awaited else now - self._looked
         self._looked = now
-        step = self._scene.due(self._played, self._simulation.parameters.alpha)
+        step = self._scene.due(self._played, self._model.alpha)
         if step is not None:
             result = self.set_parameters_atomically([
                 Parameter(name, value=value) for name, value in step.parameters.items()])
@@ -222,34 +231,56 @@ class Simulator(ReportingNode):
                 self._flush()
         self._flush()
 
+    @property
+    def _jitters(self) -> bool:
+        return self._simulation.kind is Noise.JITTER and self._simulation.noise > 0.0
+
     def _collect(self, cycle: int, phase: float, most: int) -> int:
-        """Advance to a moment, or by `most` records; a ramp steps at the end of each period."""
-        ramping = self._ramp[1] > 0.0
+        """Advance to a moment, or by `most` records; what changes by the period does so there."""
+        changing = self._ramp[1] > 0.0 or self._jitters
         period_end = (self._simulation.moment[0] + 1, 0.0)
-        target = min((cycle, phase), period_end) if ramping else (cycle, phase)
+        target = min((cycle, phase), period_end) if changing else (cycle, phase)
         events = self._simulation.advance(*target, most)
         if len(events):
             self._outbox.append(events)
-        if ramping and self._simulation.moment == period_end:
-            self._ramp_step()
+        if changing and self._simulation.moment == period_end:
+            self._end_period()
         return len(events)
 
-    def _ramp_step(self) -> None:
-        target, rate = self._ramp
-        before = self._simulation.parameters
-        alpha = before.alpha + math.copysign(
-            min(rate, abs(target - before.alpha)), target - before.alpha)
-        if alpha != before.alpha:
-            self._outbox.append(self._simulation.retune(dataclasses.replace(before, alpha=alpha)))
-        done = alpha == target
-        if done or time.monotonic() - self._ramp_shown > RAMP_SHOWN_EVERY:
+    def _end_period(self) -> None:
+        (target, rate), alpha = self._ramp, self._model.alpha
+        if rate > 0.0:
+            alpha += math.copysign(min(rate, abs(target - alpha)), target - alpha)
+            self._model = dataclasses.replace(self._model, alpha=alpha)
+        drawn = self._simulation.noise * gaussian(
+            self._simulation.seed, self._simulation.moment[0]) if self._jitters else 0.0
+        self._retune(dataclasses.replace(
+            self._model, alpha=min(max(alpha + drawn, 0.0), ALPHA_MAXIMUM)))
+        done = rate > 0.0 and alpha == target
+        if done or (rate > 0.0 and time.monotonic() - self._ramp_shown > RAMP_SHOWN_EVERY):
             self._ramp_shown = time.monotonic()
             self._show({'alpha': alpha} | ({'alpha_rate': 0.0} if done else {}))
         if done:
             self._ramp = (target, 0.0)
             self.get_logger().info(f'the ramp has reached alpha = {alpha:g}')
 
-    def _show(self, values: Mapping[str, float]) -> None:
+    def _retune(self, parameters: Parameters) -> None:
+        """Put parameters in force where they differ, which ends control."""
+        if parameters == self._simulation.parameters:
+            return
+        self._outbox.append(self._simulation.retune(parameters))
+        if self._law is not None:
+            self._law = None
+            self._show({'control': ''})
+            self.get_logger().info('control has ended: a parameter of the model has changed')
+
+    def _control(self, law: Law | None) -> None:
+        records = self._simulation.control(law)
+        if len(records):
+            self._outbox.append(records)
+        self._law = law
+
+    def _show(self, values: Mapping[str, Value]) -> None:
         """Set ROS parameters to the values in force."""
         self._setting = True
         try:
@@ -288,7 +319,13 @@ class Simulator(ReportingNode):
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
-            Parameters.of(dataclasses.asdict(self._simulation.parameters) | values)
+            Parameters.of(dataclasses.asdict(self._model) | values)
+            given = {name: values.get(name, self.get_parameter(name).value)
+                     for name in ('noise', 'noise_kind')}
+            if Law.of_text(str(values.get('control', ''))) is not None and (
+                    given['noise'] and _kind_in(given) is Noise.JITTER):
+                raise ValueError('control needs an alpha that stays; noise_kind = jitter changes '
+                                 'it in every drive period, choose gaussian or uniform')
         self._initial(values)
 
     def _initial(self, values: Mapping[str, Value]) -> State:
@@ -299,14 +336,25 @@ class Simulator(ReportingNode):
     def _apply(self, values: dict[str, Value]) -> None:
         if self._setting:
             return
-        before = self._simulation.parameters
-        after = dataclasses.replace(
+        before = self._model
+        self._model = after = dataclasses.replace(
             before, **{name: float(values[name]) for name in Model._fields if name in values})
-        if after != before:
-            self._outbox.append(self._simulation.retune(after))
-            self.get_logger().info(_words(after))
         if 'noise' in values:
             self._simulation.noise = float(values['noise'])
+        if 'noise_kind' in values:
+            self._simulation.kind = _kind_in(values)
+        if after != before or not self._jitters:
+            if 'control' in values:
+                # What is asked for with new parameters takes the place of what they end.
+                self._control(None)
+            self._retune(after)
+        if after != before:
+            self.get_logger().info(_words(after))
+        if 'control' in values:
+            self._control(Law.of_text(str(values['control'])))
+            self.get_logger().info(
+                f'control of an orbit of {counted(len(self._law.points), "impact")}'
+                if self._law else 'no control')
         target = float(values.get('alpha_target', self._ramp[0]))
         ramp_rate = float(values.get('alpha_rate', 0.0 if 'alpha' in values else self._ramp[1]))
         if self._ramp[1] and not ramp_rate and 'alpha_rate' not in values:
@@ -335,6 +383,10 @@ class Simulator(ReportingNode):
         response.success, response.message = True, message
         self.get_logger().info(message)
         return response
+
+
+def _kind_in(values: Mapping[str, Value]) -> Noise:
+    return Noise[str(values['noise_kind']).upper()]
 
 
 def _words(parameters: Parameters) -> str:

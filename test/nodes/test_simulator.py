@@ -29,9 +29,15 @@ import rclpy.time
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
+from gear_rattle_ros.core.flight.law import Acts
+from gear_rattle_ros.core.flight.noise import gaussian
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, EventKind, Parameters, State
+from gear_rattle_ros.core.orbits.control import law_of
+from gear_rattle_ros.core.orbits.orbit import close_orbit
+from gear_rattle_ros.core.orbits.section import distances
 from gear_rattle_ros.core.stream.guard import StreamGuard
+from gear_rattle_ros.core.stream.succession import Succession
 from gear_rattle_ros.messages import cloud_from_events, events_from_cloud
 from gear_rattle_ros.nodes.simulator import LARGEST_BATCH
 from gear_rattle_ros.qos import STREAM_INPUT
@@ -103,9 +109,15 @@ class Steering:
 
     def get(self, *names):
         """Return doubles."""
-        values = self.call(
+        return [value.double_value for value in self._values(*names)]
+
+    def text(self, name):
+        """Return a string."""
+        return self._values(name)[0].string_value
+
+    def _values(self, *names):
+        return self.call(
             GetParameters, 'get_parameters', GetParameters.Request(names=list(names))).values
-        return [value.double_value for value in values]
 
 
 @pytest.fixture
@@ -356,3 +368,60 @@ def test_noise_is_reproducible(start, reader):
     impacts = events[events['kind'] == EventKind.IMPACT]
     kicks = impacts['velocity_after'] + 0.9 * impacts['velocity']
     assert 0.008 < np.std(kicks) < 0.012
+
+
+def test_control_holds_ends_with_a_change_of_the_model_and_is_refused(start, reader, steering):
+    """The stream verifies; the parameter shows whether a law is in force."""
+    node = start('simulator', '--ros-args', '-p', 'alpha:=0.57', '-p', 'wait_for_readers:=1',
+                 '-p', 'rate:=2000.0', '-p', 'initial_velocity:=-1.0')
+    orbit = close_orbit(np.array([0, 1]), np.array([[5.6316, 0.9679], [0.9051, -0.6372]]),
+                        Parameters(alpha=0.57))
+    text = law_of(orbit, Acts.DRIVE, 0.01).to_text()
+    assert steering.put(control=text).successful
+    reader.spin(lambda: len(reader.batches) > 20 and held(reader.batches[-1], orbit))
+    for given, words in (({'control': text[:60]}, 'is not a control law'),
+                         ({'control': text, 'noise_kind': 'jitter', 'noise': 0.001}, 'choose'),
+                         ({'noise_kind': 'pink'}, 'is not one of')):
+        answer = steering.put(**given)
+        assert not answer.successful and words in answer.reason and '\n' not in answer.reason
+    assert steering.text('control') == text
+    assert steering.put(beta=0.1001).successful
+    assert steering.text('control') == ''
+    node.wait_for('control has ended')
+    assert steering.put(beta=0.1, control=text).successful
+    reader.spin(lambda: held(reader.batches[-1], orbit))
+    # Kicks keep it where it is; letting go, alpha is as before.
+    assert steering.put(noise=1e-5, noise_kind='uniform').successful
+    size = len(reader.events())
+    reader.until(size + 2000)
+    assert held(reader.batches[-1], orbit, 1e-3)
+    assert steering.put(control='').successful
+    reader.until(len(reader.events()) + 4000)
+    last = reader.batches[-1]
+    assert np.all(last['alpha'] == 0.57) and not held(last, orbit)
+    check = Succession()
+    assert check.take(reader.events()) is None and check.kicked > 2000
+
+
+def held(events, orbit, within=1e-9):
+    """Whether the last impacts are on an orbit."""
+    impacts = events[events['kind'] <= EventKind.STICK][-4:]
+    return len(impacts) == 4 and np.max(np.min([
+        distances(impacts['velocity'], impacts['phase'], velocity, phase)
+        for phase, velocity in orbit.points], axis=0)) < within
+
+
+def test_jitter_draws_alpha_for_each_drive_period_from_its_number(start, reader, steering):
+    """As the lanes of `hopping` do: by the seed and the number of the period alone."""
+    start('simulator', '--ros-args', '-p', 'alpha:=0.48', '-p', 'wait_for_readers:=1', '-p',
+          'rate:=500.0', '-p', 'noise:=0.01', '-p', 'noise_kind:=jitter', '-p', 'seed:=5')
+    events = reader.until(2000)
+    retunes = events[events['kind'] == EventKind.RETUNE]
+    assert np.array_equal(retunes['cycle'], np.arange(1, len(retunes) + 1))
+    assert np.all(retunes['phase'] == 0.0)
+    assert retunes['alpha'].tolist() == [
+        0.48 + 0.01 * gaussian(5, int(cycle)) for cycle in retunes['cycle']]
+    assert steering.get('alpha') == [0.48]
+    assert Succession().take(events) is None
+    assert steering.put(noise=0.0).successful
+    reader.spin(lambda: np.all(reader.batches[-1]['alpha'] == 0.48))

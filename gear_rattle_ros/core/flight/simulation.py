@@ -200,7 +200,7 @@ class Simulation:
         self._write_parameters(parameters)
         self.noise = noise
         self.seed = seed
-        t['noise_kind'] = kind
+        self.kind = kind
         settle(t)
         self._waiting = self._record(EventKind.RESET, initial.velocity)
 
@@ -228,6 +228,15 @@ class Simulation:
         if not isinstance(value, numbers.Integral) or not 0 <= value <= SEED_MAXIMUM:
             raise ValueError(f'seed = {value!r} is not a whole number from 0 to {SEED_MAXIMUM}')
         self._trajectory[0]['seed'] = value
+
+    @property
+    def kind(self) -> Noise:
+        """What is random."""
+        return Noise(int(self._trajectory[0]['noise_kind']))
+
+    @kind.setter
+    def kind(self, value: Noise) -> None:
+        self._trajectory[0]['noise_kind'] = value
 
     def control(self, law: Law | None) -> EventArray:
         """
