@@ -29,6 +29,7 @@ from rclpy.parameter import Parameter
 from .core import model
 from .core.defaults import QUANTITIES
 from .core.flight import simulation
+from .core.flight.law import Acts
 from .core.flight.noise import Noise
 from .core.words import shown
 
@@ -74,6 +75,9 @@ class Specification:
         wanted = type(self.default)
         if wanted is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
+        if wanted is str and type(value) is int:
+            # In YAML 2 is a number, be it the name of something.
+            value = str(value)
         if not isinstance(value, wanted) or (wanted is int and isinstance(value, bool)):
             raise ValueError(f'{self.name} = {shown(value)} is not of type {_TYPE_NAMES[wanted]}')
         if isinstance(value, float) and math.isnan(value):
@@ -178,6 +182,16 @@ BASIN: Final = (
            '19 = least, as for finer pictures', '', 0, 19),
     _FRAME,
 )
+CONTROL: Final = (
+    _live('orbit', '', 'unstable orbit to hold: its key, a letter, its number of impacts, or <N '
+          'for the longest of fewer than N impacts; empty = none', ''),
+    _live('acts', 'drive', 'what the law changes at impacts: alpha until the next one, by the '
+          'distance from the orbit (drive) or by the velocity a period ago (delayed), or the '
+          'velocity after them (pulses)', '', choices=tuple(each.name.lower() for each in Acts)),
+    _live('limit', 0.01, 'largest change of alpha, or of the velocity', low=1e-9, high=10.0),
+    _fixed('publish_rate', 10.0, 'messages on control per second of wall time', 'Hz', 0.1, 1000.0),
+    _fixed('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),
+)
 RECORDER: Final = (
     _fixed('output', '', 'bag directory to create; empty = rosbag2_DATE-TIME here', ''),
     _fixed('compression', 'zstd', 'compression of the chunks: zstd, lz4 or none', '',
@@ -219,7 +233,7 @@ TELEOP: Final = (
 )
 TABLES: Final[Mapping[str, Sequence[Specification]]] = {
     'simulator': SIMULATOR, 'lyapunov': LYAPUNOV, 'transients': TRANSIENTS, 'basin': BASIN,
-    'recorder': RECORDER, 'replay': REPLAY, 'teleop': TELEOP, 'viewer': VIEWER}
+    'control': CONTROL, 'recorder': RECORDER, 'replay': REPLAY, 'teleop': TELEOP, 'viewer': VIEWER}
 
 
 def given_to(node: Node) -> dict[str, Value]:
@@ -257,14 +271,14 @@ def guard(node: Node, table: Sequence[Specification],
           apply: Callable[[dict[str, Value]], None]) -> None:
     """Let the parameters of a table be set live, all or none, or refuse them with a reason."""
     specifications = {specification.name: specification for specification in table}
-    doubles = [each.name for each in table if isinstance(each.default, float)]
 
     def known(parameters: list[Parameter]) -> dict[str, Value]:
         return {each.name: each.value for each in parameters if each.name in specifications}
 
     def promote(parameters: list[Parameter]) -> list[Parameter]:
-        return [Parameter(each.name, Parameter.Type.DOUBLE, float(each.value))
-                if each.type_ == Parameter.Type.INTEGER and each.name in doubles else each
+        # To a double or a string, where one is wanted.
+        return [Parameter(each.name, value=type(specifications[each.name].default)(each.value))
+                if each.type_ == Parameter.Type.INTEGER and each.name in specifications else each
                 for each in parameters]
 
     def accept(parameters: list[Parameter]) -> msg.SetParametersResult:

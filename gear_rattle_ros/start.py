@@ -39,6 +39,7 @@ GROUPS = {
         'lyapunov': ('nodes.lyapunov', 'publish the Lyapunov exponents of the stream'),
         'transients': ('nodes.transients', 'recognise transients and orbits in the stream'),
         'basin': ('nodes.basin', 'publish the basins of the present parameters'),
+        'control': ('nodes.control', 'hold unstable orbits of a running simulator'),
         'teleop': ('nodes.teleop.node', 'steer a simulator with the keyboard'),
         'set': ('nodes.steering set', 'set parameters of a running simulator'),
         'get': ('nodes.steering get', 'print parameters of a running simulator'),

@@ -88,7 +88,7 @@ def test_every_argument_reaches_a_parameter_that_exists(describe: Callable) -> N
     arguments = {each.words[0] for each in entities[:-1]}
     assert arguments == given.keys() | OF_LAUNCH
     nodes, _ = launched(entities, **given, namespace='left', use_sim_time='true')
-    assert nodes.keys() == TABLES.keys() - {'replay', 'teleop'}
+    assert nodes.keys() == TABLES.keys() - {'control', 'replay', 'teleop'}
     reached: dict[str, object] = {}
     for name, node in nodes.items():
         assert name in EXECUTABLES and node.package == 'gear_rattle_ros'

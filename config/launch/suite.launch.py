@@ -53,6 +53,8 @@ OTHERS = (
     ('output', '', 'Bag directory to create; empty = rosbag2_<date and time> in this folder.',
      None),
     ('basin', 'true', 'Whether the basins are computed.', ['true', 'false']),
+    ('hold', '', 'Unstable orbit to hold: its key, a letter or its number of impacts; empty = '
+     'none.', None),
     ('viewer', 'auto', 'Viewer: native, web (on 127.0.0.1), none, or auto.',
      ['auto', 'native', 'web', 'none']),
     ('save', '', 'Rerun file (.rrd) to write; empty = none.', None),
@@ -89,6 +91,8 @@ def nodes(context):
     own = {'lyapunov': {}, 'transients': {}, 'recorder': {'output': given['output']}}
     if given['basin'] == 'true':
         own['basin'] = {'frame': given['frame']}
+    if given['hold']:
+        own['control'] = {'orbit': given['hold']}
     if given['viewer'] != 'none' or given['save']:
         own['viewer'] = {'mode': given['viewer'], 'save': given['save']}
     follows_clock = {'use_sim_time': given['use_sim_time'] == 'true'}

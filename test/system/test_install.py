@@ -37,6 +37,7 @@ ROOT = Path(__file__).parents[2]
 # They run until they are stopped; the others need a bag first.
 NODES: dict[str, list[str]] = {
     'basin': [],
+    'control': [],
     'lyapunov': [],
     'recorder': [],
     'simulator': [],

@@ -122,7 +122,7 @@ def bag_of_everything(path: Path) -> None:
         ('lyapunov', 'sensor_msgs/msg/JointState'), ('basin', 'sensor_msgs/msg/Image'),
         ('transient', 'diagnostic_msgs/msg/DiagnosticArray'),
         ('last_impact', 'sensor_msgs/msg/JointState'), ('rattle', 'sensor_msgs/msg/JointState'),
-        ('hops', 'sensor_msgs/msg/JointState'),
+        ('hops', 'sensor_msgs/msg/JointState'), ('control', 'sensor_msgs/msg/JointState'),
         ('attractors', 'sensor_msgs/msg/PointCloud2'),
         ('basin_state', 'diagnostic_msgs/msg/DiagnosticArray'),
         ('smallest_kick', 'diagnostic_msgs/msg/DiagnosticArray'),
@@ -144,7 +144,7 @@ def test_the_policies_are_the_real_graph_and_nothing_listens_abroad(
         'simulator': ['-p', 'publish_clock:=true'], 'lyapunov': [], 'transients': [],
         'recorder': ['-p', f'output:={tmp_path}/bag'],
         'viewer': ['-p', 'mode:=none', '-p', f'save:={tmp_path}/run.rrd'],
-        'basin': ['-p', 'size:=100'],
+        'basin': ['-p', 'size:=100'], 'control': [],
         'replay': ['-p', f'bag:={tmp_path}/old', '-p', 'clock:=true', '-p', 'loop:=true'],
     }
     running = {name: start(name, '--ros-args', *more) for name, more in given.items()}

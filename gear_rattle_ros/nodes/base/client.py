@@ -40,7 +40,8 @@ from ...scenes import Step
 GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
 SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
                    PAUSE: SetBool}
-_NUMBERS: Final = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER)
+_TYPES: Final = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER,
+                 ParameterType.PARAMETER_STRING)
 # How long a simulator may take to be found and to answer, even on a busy machine [s].
 WITHIN: Final = 8.0
 # A service may not know yet where to send its answer when it is discovered: ask again after [s].
@@ -77,26 +78,26 @@ class SimulatorClient:
     def is_busy(self) -> bool:
         return bool(self._requests)
 
-    def get(self, names: Iterable[str], take: Callable[[dict[str, float]], object]) -> None:
-        """Ask for parameters that are numbers."""
+    def get(self, names: Iterable[str], take: Callable[[dict[str, Any]], object]) -> None:
+        """Ask for parameters that are numbers or strings."""
         names = list(names)
 
         def taken(answer: GetParameters.Response) -> None:
             values = dict(itertools.zip_longest(names, answer.values))
             for name, value in values.items():
                 # There are no values at all where a parameter is not known.
-                if value is None or value.type not in _NUMBERS:
+                if value is None or value.type not in _TYPES:
                     raise ClientError(f'{self.name} is not a gear rattling simulator: it has no '
                                       f'parameter {name}')
             take({name: parameter_value_to_python(value) for name, value in values.items()})
 
         self._ask(GET, GetParameters.Request(names=names), taken)
 
-    def put(self, values: Mapping[str, float]) -> None:
+    def put(self, values: Mapping[str, float | str], then: Then = bool) -> None:
         """Set parameters, all or none."""
         self._ask(PUT, SetParametersAtomically.Request(parameters=[
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]),
-            lambda answer: self._judge(answer.result.successful, answer.result.reason, bool))
+            lambda answer: self._judge(answer.result.successful, answer.result.reason, then))
 
     def begin(self, step: Step, then: Then = bool) -> None:
         """Set the parameters of a step of a scene, and reset the state where the step does."""

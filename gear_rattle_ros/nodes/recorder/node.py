@@ -50,6 +50,7 @@ _TOPICS: Final = (
     ('lyapunov', JointState, STREAM_INPUT),
     ('transient', DiagnosticArray, _LATCHED_INPUT),
     ('last_impact', JointState, STREAM_INPUT),
+    ('control', JointState, STREAM_INPUT),
     ('rattle', JointState, STREAM_INPUT),
     ('hops', JointState, STREAM_INPUT),
     ('basin', Image, _LATCHED_INPUT),

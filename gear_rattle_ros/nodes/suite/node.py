@@ -129,7 +129,8 @@ class Suite:
         self._processes = Processes(self._folder / 'log')
         self._ros_arguments = ros_arguments
         self._summary: subprocess.Popen[bytes] | None = None
-        self._readers = (*READERS, 'basin') if options.basin else READERS
+        self._readers = (*READERS, *(['basin'] if options.basin else []),
+                         *(['control'] if options.hold else []))
         self._status = Status(duration=options.duration, alpha=options.alpha)
 
     def run(self, stop: Stop) -> int:
@@ -168,6 +169,7 @@ class Suite:
                 'wait_for_readers': len(self._readers), 'wait_at_most': 0.0},
             'transients': {name: value for name, value in pair.items() if name != 'restitution'},
             'recorder': {'output': str(self._folder / 'bag')},
+            'control': {'orbit': self._options.hold},
             'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
         for name in ('simulator', *self._readers):
             arguments = secured(name, self._ros_arguments) or ['--ros-args']
@@ -182,7 +184,7 @@ class Suite:
     def _end_nodes(self) -> None:
         self._processes.stop(['simulator'], within=ENDS_WITHIN)
         # The last batches arrive; then the analysis nodes publish their last reports.
-        self._processes.stop(['lyapunov', 'transients', 'basin'], within=ENDS_WITHIN)
+        self._processes.stop(['lyapunov', 'transients', 'basin', 'control'], within=ENDS_WITHIN)
         self._processes.stop(['recorder', 'viewer'], within=WRITTEN_WITHIN)
         if self._summary is not None:
             try:
@@ -311,6 +313,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         help='how to watch live; run.rrd is written in any case (%(default)s)')
     add('--basin', action=argparse.BooleanOptionalAction, default=True,
         help='compute the basins of the present parameters (on)')
+    add('--hold', metavar='ORBIT', default='', help='unstable orbit to hold: its key, a letter or '
+        'its number of impacts')
     add('--output', help='folder for everything (runs/<date and time>)')
     add_gears(parser)
     parser.set_defaults(alpha_target=0.0, alpha_rate=0.0, plays_out=False)
