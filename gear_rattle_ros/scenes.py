@@ -27,6 +27,8 @@ from pathlib import Path
 import types
 from typing import Any, Final, TypeAlias
 
+from .core.flight.law import Law
+from .core.flight.noise import Noise
 from .core.flight.simulation import NOISE_MAXIMUM, SEED_MAXIMUM
 from .core.model import Parameters, State
 from .places import config_folder
@@ -34,10 +36,10 @@ from .plain_yaml import read_yaml
 
 Number: TypeAlias = int | float
 # The parameters of the simulator that change live, except alpha, which a scene has to set.
-INITIAL: Final[Mapping[str, Number]] = types.MappingProxyType({
+INITIAL: Final[Mapping[str, Any]] = types.MappingProxyType({
     'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9, 'noise': 0.0, 'seed': 0, 'rate': 1000.0,
     'initial_phase': 0.0, 'initial_displacement': 0.0, 'initial_velocity': -1.0,
-    'alpha_rate': 0.0})
+    'alpha_rate': 0.0, 'noise_kind': 'gaussian', 'control': ''})
 NAMES: Final = ('alpha', 'alpha_target', *INITIAL)
 LIMITS: Final[Mapping[str, tuple[float, float]]] = types.MappingProxyType({
     'noise': (0.0, NOISE_MAXIMUM), 'rate': (0.0, 1e7), 'alpha_rate': (0.0, 1.0),
@@ -48,7 +50,7 @@ LIMITS: Final[Mapping[str, tuple[float, float]]] = types.MappingProxyType({
 class Step:
     """Parameters to set, in the simulator's units; duration [s]; whether to reset the state."""
 
-    parameters: Mapping[str, Number]
+    parameters: Mapping[str, Any]
     seconds: float
     reset: bool = False
 
@@ -144,7 +146,7 @@ def read_scene(path: Path) -> Scene:
     if not isinstance(given, list) or not given:
         raise ValueError(f'{path}: steps = {given!r} is not a list of steps')
     steps: list[Step] = []
-    known: dict[str, Number] = {}
+    known: dict[str, Any] = {}
     for number, item in enumerate(given, 1):
         try:
             step = _step(item, first=number == 1)
@@ -163,14 +165,17 @@ def _step(item: Any, first: bool) -> Step:
     parameters, seconds = item.get('parameters', {}), item.get('seconds', 0.0)
     reset = item.get('reset', first)
     if not isinstance(parameters, dict) or not isinstance(reset, bool) or not _is_number(seconds):
-        raise ValueError(f'{item!r}: parameters maps names to numbers, reset is true or false, '
+        raise ValueError(f'{item!r}: parameters maps names to values, reset is true or false, '
                          'seconds a number')
     if not 0.0 <= seconds < math.inf:
         raise ValueError(f'seconds = {seconds!r} must not be negative')
     for name, value in parameters.items():
         if name not in NAMES:
             raise ValueError(f'unknown parameter {name!r}; known are {", ".join(NAMES)}')
-        if not _is_number(value) or not math.isfinite(value):
+        if isinstance(INITIAL.get(name), str):
+            if not isinstance(value, str):
+                raise ValueError(f'{name} = {value!r} is not a text')
+        elif not _is_number(value) or not math.isfinite(value):
             raise ValueError(f'{name} = {value!r} is not a number')
     if first:
         if 'alpha' not in parameters:
@@ -180,11 +185,11 @@ def _step(item: Any, first: bool) -> Step:
         raise ValueError('a ramp needs alpha_target beside alpha_rate')
     # Not everywhere is an integer accepted for a double.
     return Step(types.MappingProxyType({
-        name: value if name == 'seed' else float(value) for name, value in parameters.items()}),
-        float(seconds), reset or first)
+        name: value if name == 'seed' or isinstance(value, str) else float(value)
+        for name, value in parameters.items()}), float(seconds), reset or first)
 
 
-def _check(known: Mapping[str, Number]) -> None:
+def _check(known: Mapping[str, Any]) -> None:
     """Raise ValueError where the model refuses the parameters in force."""
     Parameters.of(known)
     Parameters(alpha=float(known['alpha_target']))
@@ -192,6 +197,10 @@ def _check(known: Mapping[str, Number]) -> None:
     for name, (low, high) in LIMITS.items():
         if not low <= known[name] <= high:
             raise ValueError(f'{name} = {known[name]!r} is outside [{low:g}, {high:g}]')
+    Law.of_text(str(known['control']))
+    kinds = [kind.name.lower() for kind in Noise]
+    if known['noise_kind'] not in kinds:
+        raise ValueError(f'noise_kind = {known["noise_kind"]!r} is not one of {", ".join(kinds)}')
     if not isinstance(known['seed'], int):
         raise ValueError(f'seed = {known["seed"]!r} is not a whole number')
 

@@ -83,12 +83,12 @@ def test_every_argument_reaches_a_parameter_that_exists(describe: Callable) -> N
     given = {'alpha': '1', 'beta': '.2', 'gamma': '0.3', 'restitution': '0.8', 'noise': '0.01',
              'seed': '7', 'rate': '0', 'initial_phase': '1', 'initial_displacement': '-0.5',
              'initial_velocity': '-2', 'scene': 'hysteresis', 'frame': 'map', 'output': '2026',
-             'save': 'run.rrd', 'viewer': 'web'}
+             'save': 'run.rrd', 'viewer': 'web', 'hold': 'B'}
     entities = describe('suite.launch.py')
     arguments = {each.words[0] for each in entities[:-1]}
     assert arguments == given.keys() | OF_LAUNCH
     nodes, _ = launched(entities, **given, namespace='left', use_sim_time='true')
-    assert nodes.keys() == TABLES.keys() - {'control', 'replay', 'teleop'}
+    assert nodes.keys() == TABLES.keys() - {'replay', 'teleop'}
     reached: dict[str, object] = {}
     for name, node in nodes.items():
         assert name in EXECUTABLES and node.package == 'gear_rattle_ros'
@@ -99,8 +99,8 @@ def test_every_argument_reaches_a_parameter_that_exists(describe: Callable) -> N
         for parameter, value in values.items():
             assert type(table[parameter].check(value)) is type(value)
         reached |= values
-    assert reached.pop('wait_for_readers') == 5 and reached.pop('publish_clock') is True
-    reached['viewer'] = reached.pop('mode')
+    assert reached.pop('wait_for_readers') == 6 and reached.pop('publish_clock') is True
+    reached['viewer'], reached['hold'] = reached.pop('mode'), reached.pop('orbit')
     assert {name: str(value).rstrip('0').rstrip('.') if isinstance(value, float) else str(value)
             for name, value in reached.items()} == {
         name: str(float(text)).rstrip('0').rstrip('.') if name not in ('seed', 'output') and (

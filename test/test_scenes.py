@@ -30,9 +30,12 @@ import scene_page  # noqa: E402
 from gear_rattle_ros.attractors.cores import find_jumps  # noqa: E402
 from gear_rattle_ros.attractors.finding import find_attractors  # noqa: E402
 from gear_rattle_ros.attractors.plane import initial_condition  # noqa: E402
+from gear_rattle_ros.core.flight.law import Law  # noqa: E402
 from gear_rattle_ros.core.flight.simulation import Simulation  # noqa: E402
 from gear_rattle_ros.core.many.recorded import record_impacts  # noqa: E402
 from gear_rattle_ros.core.model import EventArray, EventKind, Parameters, State  # noqa: E402
+from gear_rattle_ros.core.orbits.control import law_of  # noqa: E402
+from gear_rattle_ros.core.orbits.orbit import close_orbit  # noqa: E402
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov  # noqa: E402
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector  # noqa: E402
 from gear_rattle_ros.parameters import SIMULATOR  # noqa: E402
@@ -75,10 +78,10 @@ def test_names_and_values_are_those_of_the_simulator() -> None:
 
 
 def test_paper_is_there_by_name() -> None:
-    """The six situations, at the paper's amplitudes."""
+    """Its six situations, at the paper's amplitudes, and what one can make of the chaos."""
     alphas = {name: scene.steps[0].parameters['alpha'] for name, scene in load_scenes().items()}
     assert alphas == {'hysteresis': 0.47, 'two-attractors': 0.48, 'hops': 0.48, 'chaotic-b': 0.57,
-                      'before-crisis': 1.23, 'long-transient': 1.244}
+                      'tamed': 0.57, 'before-crisis': 1.23, 'long-transient': 1.244}
 
 
 @pytest.mark.parametrize(('step', 'period'), [(0, 3), (1, 2)])
@@ -98,6 +101,30 @@ def test_chaotic_scenes_are_chaotic_for_as_long_as_they_last(name: str) -> None:
     assert detector.report.regime is Regime.TRANSIENT
     report = running.report
     assert report.lambda_1 > 10.0 * report.lambda_1_error > 0.0
+
+
+def test_the_tamed_scene_holds_two_and_four_impacts_and_lets_go() -> None:
+    """Its laws are those of orbits that close, and each has done its work when its step ends."""
+    steps = find_scene('tamed').steps
+    parameters = Parameters(alpha=steps[0].parameters['alpha'])
+    simulation = Simulation(parameters, State(velocity=-1.0),
+                            noise=steps[0].parameters['noise'])
+    ends = []
+    for step in steps:
+        law = Law.of_text(step.parameters['control'])
+        simulation.control(law)
+        periods = round(step.seconds * steps[0].parameters['rate'])
+        events = simulation.advance(simulation.moment[0] + periods, 0.0, 10**5)
+        ends.append(np.sort(events['velocity'][events['kind'] == EventKind.IMPACT][-400:]))
+        if law is not None:
+            orbit = close_orbit(np.signbit(law.points[:, 1]).astype(int), law.points, parameters)
+            assert orbit is not None
+            np.testing.assert_allclose(orbit.points, law.points, rtol=0.0, atol=1e-12)
+            np.testing.assert_allclose(
+                law_of(orbit, law.acts, law.limit).gains, law.gains, rtol=1e-9)
+    # Gaps between the velocities separate two, four, and many.
+    assert [int(np.sum(np.diff(end) > 1e-6)) + 1 for end in ends[1:3]] == [2, 4]
+    assert all(np.sum(np.diff(end) > 1e-6) > 200 for end in (ends[0], ends[3]))
 
 
 def test_chaos_before_the_crisis_is_a_long_transient_itself() -> None:

@@ -25,15 +25,18 @@ import math
 from pathlib import Path
 import sys
 import textwrap
+from typing import Any
 
 import numpy as np
 from scene_pictures import draw, save, Stretch
 
+from gear_rattle_ros.core.flight.law import Law
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, impact_count, Parameters, State
+from gear_rattle_ros.core.stream.hold import RunningHold
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import TransientDetector
-from gear_rattle_ros.scenes import INITIAL, load_scenes, Number, Scene, Step
+from gear_rattle_ros.scenes import INITIAL, load_scenes, Scene, Step
 
 COMMAND = 'python tools/scene_page.py'
 MODEL = tuple(field.name for field in dataclasses.fields(Parameters))
@@ -58,7 +61,7 @@ second.
 
 def play(scene: Scene) -> list[Stretch]:
     """Play a scene without ROS."""
-    known: dict[str, Number] = dict(scene.steps[0].parameters)
+    known: dict[str, Any] = dict(scene.steps[0].parameters)
     simulation = Simulation(_model(known), _initial(known), noise=float(known['noise']),
                             seed=int(known['seed']))
     detector, running = TransientDetector(), RunningLyapunov(WINDOW)
@@ -78,22 +81,31 @@ def play(scene: Scene) -> list[Stretch]:
         report = running.report
         visits = tuple((change.start + (change.lifetime or 0), change.letter)
                        for change in changes if known['noise'] and change.letter)
-        stretches.append(Stretch(step, events, detector.report.describe(), tuple(impacts),
-                                 tuple(exponents), report.lambda_1, report.lambda_1_error, visits))
+        words, law = detector.report.describe(), Law.of_text(known['control'])
+        if law is not None:
+            hold = RunningHold(law, known['alpha'])
+            hold.update(events)
+            words = (f'an orbit of {len(law.points)} impacts, caught after '
+                     f'{hold.report.catch_impacts:,.0f} and held; exponent without the law '
+                     f'{report.lambda_1_finite:+.3f}')
+        stretches.append(Stretch(step, events, words, tuple(impacts), tuple(exponents),
+                                 report.lambda_1, report.lambda_1_error, visits))
     return stretches
 
 
-def _enter(simulation: Simulation, step: Step, known: Mapping[str, Number]
+def _enter(simulation: Simulation, step: Step, known: Mapping[str, Any]
            ) -> Iterator[EventArray]:
     """Set the parameters of a step, and reset where it does."""
     if any(name in step.parameters for name in MODEL) and known:
         yield simulation.retune(_model(known))
+    if 'control' in step.parameters:
+        yield simulation.control(Law.of_text(str(step.parameters['control'])))
     if known and step.reset:
         state = _initial(known)
         yield simulation.reset(state.phase, state.displacement, state.velocity)
 
 
-def _last(simulation: Simulation, step: Step, known: dict[str, Number]) -> Iterator[EventArray]:
+def _last(simulation: Simulation, step: Step, known: dict[str, Any]) -> Iterator[EventArray]:
     """Go on for as long as a step lasts; alpha moves at the end of every drive period."""
     left = round(step.seconds * known['rate'])
     target, rate = step.ramps_to, float(known['alpha_rate'])
@@ -109,11 +121,11 @@ def _last(simulation: Simulation, step: Step, known: dict[str, Number]) -> Itera
             yield simulation.retune(_model(known))
 
 
-def _model(known: Mapping[str, Number]) -> Parameters:
+def _model(known: Mapping[str, Any]) -> Parameters:
     return Parameters(**{name: float(known[name]) for name in MODEL})
 
 
-def _initial(known: Mapping[str, Number]) -> State:
+def _initial(known: Mapping[str, Any]) -> State:
     return State(0, *(float(known[f'initial_{name}'])
                       for name in ('phase', 'displacement', 'velocity')))
 
@@ -150,8 +162,9 @@ def page(played: Mapping[str, tuple[Scene, list[Stretch]]]) -> str:
 
 def _settings(step: Step, first: bool) -> str:
     known = {**INITIAL, 'alpha_target': step.parameters.get('alpha')} if first else {}
-    words = [f'`{name}` {value:g}' for name, value in step.parameters.items()
-             if known.get(name) != value]
+    words = [f'`{name}` {value:g}' if not isinstance(value, str) else
+             f'`{name}`' if value else f'no `{name}`'
+             for name, value in step.parameters.items() if known.get(name) != value]
     return ', '.join([*words, *(['then resets'] if step.reset else [])]) or 'nothing'
 
 

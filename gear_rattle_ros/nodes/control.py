@@ -173,9 +173,11 @@ class Control(ReportingNode):
             self._hold = RunningHold(self._plan.law, self._plan.orbit.parameters.alpha)
 
     def _say(self, level: str, words: str) -> None:
-        if words != self._words:
-            log = self.get_logger()
-            (log.info if level == 'ok' else log.warning)(words)
+        # Each in a line of its own: a logger keeps the severity of a line.
+        if words != self._words and level == 'ok':
+            self.get_logger().info(words)
+        elif words != self._words:
+            self.get_logger().warning(words)
         self._level, self._words = level, words
 
     def _values(self) -> dict[str, float]:

@@ -338,3 +338,20 @@ def test_without_a_terminal_it_is_refused(start) -> None:
     assert teleop.text().splitlines() == [
         'teleop: stdin and stdout are not a terminal; start it in one, not in a pipe or a launch '
         'file']
+
+
+def test_the_next_shorter_orbit_is_held_and_let_go(start, teleop) -> None:
+    """Where no node does that, it says how to start one."""
+    start('simulator', '--ros-args', '-p', 'alpha:=0.57', '-p', 'initial_velocity:=-1.0')
+    screen = teleop()
+    screen.wait_for('alpha 0.57')
+    screen.press(b'o')
+    screen.wait_for_answer('no control here; start it with')
+    control = start('control')
+    control.wait_for('ready', 120.0)
+    control.wait_for('joined')
+    screen.press(b'o')
+    screen.wait_for_answer('looking for <9')
+    screen.wait_for_answer('control of 8 impacts')
+    screen.press(b'l')
+    screen.wait_for_answer('let go')

@@ -304,10 +304,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add('--then', type=float, metavar='ALPHA', help='alpha from half-way on [1]')
     add('--duration', type=float, default=30.0, help='seconds; 0 = until stopped (%(default)s)')
     for given in SIMULATOR:
-        if given.name in INITIAL and given.name != 'alpha_rate':
-            name = given.name.removeprefix('initial_')
-            add(f'--{name}', dest=given.name, metavar=name.upper(), type=type(INITIAL[given.name]),
-                default=INITIAL[given.name],
+        if given.name in INITIAL and given.name not in ('alpha_rate', 'control'):
+            name = given.name.removeprefix('initial_').replace('_', '-')
+            add(f'--{name}', dest=given.name, metavar=name.upper(),
+                type=type(INITIAL[given.name]), default=INITIAL[given.name],
                 help=f'{given.descriptor().description} (%(default)s)')
     add('--viewer', choices=('auto', 'native', 'web', 'none'), default='auto',
         help='how to watch live; run.rrd is written in any case (%(default)s)')
@@ -317,7 +317,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         'its number of impacts')
     add('--output', help='folder for everything (runs/<date and time>)')
     add_gears(parser)
-    parser.set_defaults(alpha_target=0.0, alpha_rate=0.0, plays_out=False)
+    parser.set_defaults(alpha_target=0.0, alpha_rate=0.0, control='', plays_out=False)
     options = parser.parse_args(arguments)
     if options.scene is not None:
         try:

@@ -16,13 +16,16 @@
 
 from collections.abc import Callable
 import math
+import shlex
 import signal
 import sys
 import threading
 import time
 from typing import Any
 
+from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
 
 from .keys import Entry, Keys
 from .terminal import Terminal
@@ -31,13 +34,17 @@ from ..base.errors import UserError
 from ..base.node import BaseNode
 from ..base.process import exit_status, Stop
 from ..steering import LIVE, NUMBERS, require_known, values_of
+from ...core.flight.law import Law
+from ...core.words import counted
+from ...places import typed
 from ...scenes import load_scenes, Performance
 
 # How long to wait for a key, while an answer is awaited and otherwise [s].
 SOON, LATER = 0.02, 0.1
 MORE = ('up', 'right', 'shift-up', 'shift-right')
 LESS = ('down', 'left', 'shift-down', 'shift-left')
-SHOWN = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitution', 'noise', 'rate')
+SHOWN = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitution', 'noise', 'rate',
+         'control')
 # What the arrows may change, in the order of the key.
 STEPPED = ('alpha', 'beta', 'gamma', 'restitution', 'noise')
 # Interval at which the parameters are read, besides every change [s].
@@ -51,13 +58,15 @@ class Teleop(BaseNode):
         super().__init__('teleop', **options)
         self.simulator = SimulatorClient(self, str(self.values['simulator']))
         # The parameters of the simulator, none while it is absent, and a remark on it.
-        self._values: dict[str, float] = {}
+        self._values: dict[str, Any] = {}
         self._words = ''
         self._paused = False
         self._looked = -math.inf
         self.is_over = self._is_due = False
         self._scenes = list(load_scenes().values())[:9]
         self._coarse, self._fine = self.number('coarse'), self.number('fine')
+        self._control = {key: self.create_client(Trigger, f'control/{name}')
+                         for key, name in (('o', 'shorter'), ('l', 'let_go'))}
         self._entry: Entry | None = None
         self._entered: Callable[[str], None] = self._begin_ramp
         self._name = STEPPED[0]
@@ -79,6 +88,8 @@ class Teleop(BaseNode):
             f'it; with shift {self._fine:g}\n'
             f'  p        which one: {", ".join(STEPPED)}\n'
             '  t        type names and values, such as beta 0.2; a name alone is for the arrows\n'
+            '  o        hold the next shorter unstable orbit: the node control must run\n'
+            '  l        let go of it\n'
             '  space    pause and continue\n'
             '  r        reset to the initial condition\n'
             '  a        ramp of alpha: type the target and, if you like, the step per drive '
@@ -101,6 +112,8 @@ class Teleop(BaseNode):
         if self._name != 'alpha':
             alpha += f' | arrows: {self._name}'
         parts = [alpha, 'paused' if self._paused else speed]
+        if law := Law.of_text(values['control']):
+            parts.append(f'control of {counted(len(law.points), "impact")}')
         if self._performance is not None:
             parts.append(f'scene {self._scene}')
         if self._words:
@@ -156,7 +169,7 @@ class Teleop(BaseNode):
             self._looked = now
             self.simulator.get(SHOWN, self._look)
 
-    def _look(self, values: dict[str, float]) -> None:
+    def _look(self, values: dict[str, Any]) -> None:
         self._words = self._words if self._values else f'{self.simulator.name} is here'
         self._values = values
 
@@ -191,6 +204,8 @@ class Teleop(BaseNode):
         elif key == 't':
             self._entry = Entry('set (NAME VALUE, or NAME for the arrows; Escape cancels): ')
             self._entered = self._set
+        elif key in self._control:
+            self._ask_control(self._control[key])
         elif key == 'p':
             self._choose(STEPPED[(STEPPED.index(self._name) + 1) % len(STEPPED)])
         elif key.isdigit() and 1 <= int(key) <= len(self._scenes):
@@ -199,6 +214,14 @@ class Teleop(BaseNode):
             self._words, self._is_due = '', False
             if self._paused:
                 self._pause(False)
+
+    def _ask_control(self, client: Client) -> None:
+        if not client.service_is_ready():
+            self._words = f'no control here; start it with: {shlex.join(typed("control"))}'
+            return
+        self._performance = None
+        client.call_async(Trigger.Request()).add_done_callback(
+            lambda answer: self._note(answer.result().message))
 
     def _choose(self, name: str) -> None:
         self._name, self._aim, self._is_due, self._words = name, None, False, f'arrows: {name}'
