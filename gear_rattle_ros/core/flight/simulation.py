@@ -231,7 +231,7 @@ class Simulation:
 
     @property
     def kind(self) -> Noise:
-        """What is random."""
+        """Return what is random."""
         return Noise(int(self._trajectory[0]['noise_kind']))
 
     @kind.setter
