@@ -136,7 +136,7 @@ def found(stretches: list[Stretch]) -> list[str]:
     for number, stretch in enumerate(stretches, 1):
         events, words = stretch.events, stretch.words
         alpha = ' to '.join(f'{value:g}' for value in dict.fromkeys(
-            round(float(events['alpha'][place]), 12) for place in (0, -1)))
+            round(float(events['alpha'][place]), 6) for place in (0, -1)))
         line = f'{number}. alpha {alpha}, {impact_count(events):,} impacts: {words}'
         # A ramp begins its averages anew in every drive period; a transient has its own exponent.
         if 'exponent' not in words and math.isfinite(stretch.error):
