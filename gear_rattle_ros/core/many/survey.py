@@ -170,8 +170,9 @@ def gather(outcomes: RecordArray, boxes: Record, growth: FloatArray, slots: Reco
                 alike = is_same(one, other)
             else:
                 mine, theirs = boxes[n], boxes[firsts[k]]
-                alike = np.count_nonzero(mine & theirs) > OVERLAP * min(
-                    np.count_nonzero(mine), np.count_nonzero(theirs))
+                common = np.count_nonzero(mine & theirs)
+                alike = bool(common > OVERLAP * min(
+                    np.count_nonzero(mine), np.count_nonzero(theirs)))
             if alike:
                 same = k
                 break
