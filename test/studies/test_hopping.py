@@ -148,7 +148,7 @@ def test_censored_stays_count_and_none_seen_gives_a_bound():
 
 
 def test_the_test_of_exponentiality_has_its_level():
-    """p is uniform for exponential lengths, small for Pareto's and for equal ones."""
+    """Its p is uniform for exponential lengths, small for Pareto's and for equal ones."""
     random = np.random.default_rng(6)
     p = [evenness(random.exponential(1e4, 40)) for _ in range(2000)]
     assert scipy.stats.kstest(p, 'uniform').pvalue > 1e-3
