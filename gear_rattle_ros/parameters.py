@@ -83,7 +83,8 @@ class Specification:
         if isinstance(value, float) and math.isnan(value):
             raise ValueError(f'{self.name} = {value!r} is not a number')
         if self.choices and value not in self.choices:
-            raise ValueError(f'{self.name} = {value!r} is not one of {", ".join(self.choices)}')
+            raise ValueError(f'{self.name} = {shown(value)} is not one of '
+                             f'{", ".join(self.choices)}')
         if isinstance(value, (int, float)) and self.low is not None and self.high is not None and (
                 not self.low <= value <= self.high):
             raise ValueError(f'{self.name} = {value!r} is outside [{self.low:g}, {self.high:g}]')

@@ -194,7 +194,8 @@ def is_good(specification, value):
     if value.type == ParameterType.PARAMETER_BOOL:
         return wanted is bool
     if value.type == ParameterType.PARAMETER_STRING:
-        return wanted is str
+        # No text here is a control law but the empty one.
+        return wanted is str and value.string_value in (specification.choices or ('',))
     if value.type == ParameterType.PARAMETER_INTEGER and wanted in (int, float):
         number = value.integer_value
     elif value.type == ParameterType.PARAMETER_DOUBLE and wanted is float:
