@@ -25,7 +25,7 @@ from .saddles import Straddling
 from ..core.arrays import FloatArray
 from ..core.orbits.curves import Curve, grow, impact_map, Map, Segment, segments_of
 from ..core.orbits.manifolds import saddle_of
-from ..core.orbits.orbit import close_orbit, NEAR, Orbit
+from ..core.orbits.orbit import Orbit
 from ..core.orbits.section import distances, turn
 from ..core.orbits.straddle import FINE, first_change, straddle
 
@@ -58,9 +58,7 @@ def accessible_orbit(catalogue: Catalogue, attractor: Attractor, kick: Kick | No
     for q in range(1, len(points)):
         back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
         if back.min() < RECURS:
-            ring = points[back.argmin():][:q]
-            orbit = close_orbit(np.signbit(ring[:, 1]).astype(np.int64), ring,
-                                catalogue.parameters, NEAR)
+            orbit = straddling.closed(points, back)
             first, second = orbit.multipliers if orbit else (0.0, 0.0)
             # What sticks has no stable manifold.
             if orbit and first.imag == 0.0 and abs(first) > 1.0 > abs(second) > 0.0:

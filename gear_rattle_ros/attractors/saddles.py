@@ -139,11 +139,15 @@ class Straddling:
         for q in range(1, min(RETURNS, len(points) // 2)):
             back = distances(points[:-q, 1], points[:-q, 0], points[q:, 1], points[q:, 0])
             if np.mean(back < CLOSE) >= SETTLED:
-                ring = points[np.argmin(back):][:q]
-                orbit = close_orbit(np.signbit(ring[:, 1]).astype(np.int64), ring,
-                                    self.catalogue.parameters, NEAR)
+                orbit = self.closed(points, back)
                 return orbit.canonical() if orbit and not orbit.is_stable else None
         return None
+
+    def closed(self, points: FloatArray, back: FloatArray) -> Orbit | None:
+        """Close impacts to an orbit where they come back nearest, by their distances."""
+        ring = points[np.argmin(back):][:len(points) - len(back)]
+        return close_orbit(np.signbit(ring[:, 1]).astype(np.int64), ring,
+                           self.catalogue.parameters, NEAR)
 
     def rates(self, points: FloatArray, estimates: Callable[[], FloatArray]) -> SaddleRates:
         """Return the rates of what a straddle trajectory lies on, exact where it is one orbit."""

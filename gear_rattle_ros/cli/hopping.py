@@ -31,8 +31,8 @@ def _add_options(parser: Parser) -> None:
     add(parser, 'impacts', whole(1), 200_000, 'impacts of a trajectory at the most')
     add(parser, 'trajectories', whole(1), 64, 'trajectories at each strength')
     add(parser, 'stays', whole(1), 200, 'stays with which a trajectory ends')
-    add(parser, 'smallest', whole(0), 0, 'impacts within which the smallest strength that is '
-        'looked for makes a trajectory hop; 0 = do without')
+    add(parser, 'smallest', whole(0), 0, 'look for the smallest strength that makes a '
+        'trajectory hop within this number of impacts; 0 = do not')
     options.add_plane(parser)
     options.add_search(parser)
 
@@ -44,5 +44,5 @@ def add_kind(parser: Parser) -> None:
 
 
 main = Command(
-    'hopping', 'Count the hops between attractors by noise, and how long each is stayed on.',
-    _add_options)
+    'hopping', 'Count the hops between attractors by noise, and measure how long trajectories '
+    'stay on each.', _add_options)

@@ -36,9 +36,9 @@ from .base.process import run_node
 from .. import messages
 from ..core.flight.fingerprint import fingerprint
 from ..core.flight.law import Law
-from ..core.flight.noise import gaussian, Noise
-from ..core.flight.simulation import Simulation
-from ..core.model import ALPHA_MAXIMUM, EventArray, Model, Parameters, State
+from ..core.flight.noise import jittered, Noise
+from ..core.flight.simulation import ramp_step, Simulation
+from ..core.model import EventArray, Model, Parameters, State
 from ..core.words import counted
 from ..gear_pairs import pair_of
 from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
@@ -250,12 +250,11 @@ class Simulator(ReportingNode):
     def _end_period(self) -> None:
         (target, rate), alpha = self._ramp, self._model.alpha
         if rate > 0.0:
-            alpha += math.copysign(min(rate, abs(target - alpha)), target - alpha)
+            alpha = ramp_step(alpha, target, rate)
             self._model = dataclasses.replace(self._model, alpha=alpha)
-        drawn = self._simulation.noise * gaussian(
-            self._simulation.seed, self._simulation.moment[0]) if self._jitters else 0.0
-        self._retune(dataclasses.replace(
-            self._model, alpha=min(max(alpha + drawn, 0.0), ALPHA_MAXIMUM)))
+        self._retune(self._model if not self._jitters else dataclasses.replace(
+            self._model, alpha=jittered(alpha, self._simulation.noise, self._simulation.seed,
+                                        self._simulation.moment[0])))
         done = rate > 0.0 and alpha == target
         if done or (rate > 0.0 and time.monotonic() - self._ramp_shown > RAMP_SHOWN_EVERY):
             self._ramp_shown = time.monotonic()

@@ -49,6 +49,8 @@ BATCH: Final = 16
 # The smallest strength that is tried, and how closely it is found.
 FAINTEST: Final = 1e-12
 CLOSE: Final = 1.02
+# What ends a trajectory, by label.
+ENDS: Final = {label: key for label, (key, _) in OTHERS.items() if label != EMPTY}
 STAYS: Final = {'label': ('<i4', 'attractor of the stay, -1 for none'),
                 'following': ('<i4', 'attractor that follows it, -1 where no end was seen'),
                 'impacts': ('<i8', 'impacts of the stay'),
@@ -198,18 +200,17 @@ def stays_of(dataset: Arrays, k: int) -> RecordArray:
 
 def residences(dataset: Arrays) -> dict[int, list[Residence]]:
     """Return the stays on each attractor at each strength, by the label of the attractor."""
-    known = dataset['attractor_label'].values
-    labels = [int(label) for label in known if label >= 0]
+    labels = [int(label) for label in dataset['attractor_label'].values if label >= 0]
     stays = [stays_of(dataset, k) for k in range(len(dataset.attrs['noise']))]
-    ends = [*labels, *(label for label in OTHERS if label != EMPTY)]
-    return {label: [residence_on(each, label, ends) for each in stays] for label in labels}
+    return {label: [residence_on(each, label, [*labels, *ENDS]) for each in stays]
+            for label in labels}
 
 
 def describe(dataset: Arrays) -> str:
     """Put residence times, rates and slopes in words."""
     a = dataset.attrs
     noise = np.array(a['noise'])
-    names = {int(label): str(letter or key) for label, letter, key in zip(
+    names = ENDS | {int(label): str(letter or key) for label, letter, key in zip(
         *(dataset[f'attractor_{name}'].values for name in ('label', 'letter', 'key')),
         strict=True)}
     found = residences(dataset)
@@ -225,9 +226,8 @@ def describe(dataset: Arrays) -> str:
             per = one.exposure / one.periods if one.periods else math.nan
             rows.append([
                 f'{sigma:g}', names[label], mean, f'{one.mean / per:,.1f}',
-                ', '.join(f'{names.get(to, OTHERS.get(to, ("",))[0])} {count:,}' for to, count in
-                          zip([*found, *(other for other in OTHERS if other != EMPTY)],
-                              one.jumps, strict=True) if count) or 'none',
+                ', '.join(f'{names[to]} {count:,}' for to, count in zip(
+                    [*found, *ENDS], one.jumps, strict=True) if count) or 'none',
                 f'{one.exposure / totals[k]:.2%}',
                 '-' if math.isnan(one.exponential) else f'{one.exponential:.2g}'])
     text = in_columns(

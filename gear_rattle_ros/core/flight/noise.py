@@ -23,6 +23,7 @@ import numpy as np
 from .elementary import logarithm, sine_cosine, TWO_PI
 from ..arrays import Whole
 from ..compiled import kernel
+from ..model import ALPHA_MAXIMUM
 
 # Kicks of unit standard deviation reach to this where they are uniform.
 BOUND: Final = math.sqrt(3.0)
@@ -72,3 +73,9 @@ def uniform(seed: int, index: int) -> float:
 def draw(kind: int, seed: int, index: int) -> float:
     """Draw a number of unit variance, uniform or else Gaussian."""
     return uniform(seed, index) if kind == UNIFORM else gaussian(seed, index)
+
+
+@kernel
+def jittered(alpha: float, noise: float, seed: int, cycle: int) -> float:
+    """Draw the amplitude of a drive period, by its number; it stays in its range."""
+    return min(max(alpha + noise * gaussian(seed, cycle), 0.0), ALPHA_MAXIMUM)

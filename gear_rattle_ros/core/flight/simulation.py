@@ -164,6 +164,11 @@ def state_at(trajectory: Record, cycle: Whole, phase: float) -> tuple[float, flo
     return min(max(t.displacement + moved, -1.0), 0.0), velocity
 
 
+def ramp_step(alpha: float, target: float, rate: float) -> float:
+    """Go from an alpha towards a target, by the rate of a ramp at the most [1]."""
+    return alpha + math.copysign(min(rate, abs(target - alpha)), target - alpha)
+
+
 class Simulation:
     """
     One trajectory of the gear-rattling oscillator, advanced event by event.

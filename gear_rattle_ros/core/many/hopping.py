@@ -37,9 +37,9 @@ from ..flight.lanes import (
     RUNS,
 )
 from ..flight.lanes_step import LANES
-from ..flight.noise import gaussian, Noise
+from ..flight.noise import jittered, Noise
 from ..flight.simulation import RELEASE, run, settle, state_at, TRAJECTORY
-from ..model import ALPHA_MAXIMUM, EVENT
+from ..model import EVENT
 from ..orbits.section import distance
 
 # A point of a periodic orbit, with the ball round it.
@@ -174,7 +174,7 @@ def hop(tile: Record, initial: RecordArray, noise: float, kind: int, seeds: IntA
 @kernel
 def hop_with_jitter(initial: RecordArray, noise: float, seeds: IntArray, cap: int, cores: Cores,
                     room: int) -> tuple[RecordArray, RecordArray]:
-    """Do as `hop` with an amplitude drawn anew for each drive period; it may not be negative."""
+    """Do as `hop`, with the amplitude of each drive period drawn anew in place of kicks."""
     stays, visitors = np.zeros((len(initial), room), STAY), np.zeros(len(initial), VISITOR)
     events, trajectory = np.zeros(STEPS, EVENT), np.zeros(1, TRAJECTORY)
     for number in range(len(initial)):
@@ -185,7 +185,7 @@ def hop_with_jitter(initial: RecordArray, noise: float, seeds: IntArray, cap: in
         t.restitution = origin.restitution
         settle(t)
         v.label = EMPTY
-        # Each impact is followed by the next within some periods, or there is none.
+        # A gear at rest, or between the walls, makes no more impacts.
         cycle, quiet = 0, 0
         while v.impacts < cap and quiet < cap and not is_full(v, row):
             cycle += 1
@@ -201,8 +201,7 @@ def hop_with_jitter(initial: RecordArray, noise: float, seeds: IntArray, cap: in
                         quiet = 0
             t.displacement, t.velocity = state_at(t, cycle, 0.0)
             t.cycle, t.phase = cycle, 0.0
-            t.alpha = min(max(origin.alpha + noise * gaussian(seeds[number], cycle), 0.0),
-                          ALPHA_MAXIMUM)
+            t.alpha = jittered(origin.alpha, noise, seeds[number], cycle)
             settle(t)
         enter(v, EMPTY, float(cycle), row)
     return stays, visitors

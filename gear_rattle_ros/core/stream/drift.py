@@ -24,7 +24,7 @@ import numpy as np
 
 from .lyapunov import RunningLyapunov
 from ..arrays import FloatArray
-from ..flight.simulation import Simulation
+from ..flight.simulation import ramp_step, Simulation
 from ..model import EventArray, EventKind, Parameters, State
 from ..orbits.branches import Branch
 from ..orbits.section import distances
@@ -60,7 +60,7 @@ def ramped(parameters: Parameters, initial: State, last: float, rate: float
             while count == RECORDS:
                 batch.append(simulation.advance(cycle, 0.0, RECORDS))
                 count = len(batch[-1])
-            alpha += math.copysign(min(rate, abs(last - alpha)), last - alpha)
+            alpha = ramp_step(alpha, last, rate)
             batch.append(simulation.retune(dataclasses.replace(parameters, alpha=alpha)))
             if alpha == last:
                 break
@@ -101,17 +101,15 @@ def departure(ramp: Ramp, branch: Branch, change: float) -> float:
     """Return how far beyond a change of its orbit a ramp leaves the branch [1]; nan if never."""
     # The orbit beyond the change, unstable or its last, is what it would go on with.
     direction = math.copysign(1.0, ramp.alphas[-1] - ramp.alphas[0])
-    along = [orbit.parameters.alpha for orbit in branch.orbits]
-    order = np.argsort(along)
-    at = np.array(along)[order]
+    orbits = sorted(branch.orbits, key=lambda orbit: orbit.parameters.alpha)
+    at = [orbit.parameters.alpha for orbit in orbits]
+    phases = np.unwrap([orbit.phases for orbit in orbits], axis=0)
+    velocities = np.array([orbit.velocities for orbit in orbits])
     beyond = direction * (ramp.alphas - change) > 0.0
     alphas, points = ramp.alphas[beyond], ramp.points[beyond]
-    phases, velocities = (np.unwrap(np.array([orbit.points[:, k] for orbit in branch.orbits])[
-        order], axis=0) if k == 0 else np.array([orbit.points[:, k] for orbit in branch.orbits])[
-        order] for k in (0, 1))
-    apart = np.min([distances(points[:, 1], points[:, 0], np.interp(alphas, at, velocities[:, k]),
-                              np.interp(alphas, at, phases[:, k]))
-                    for k in range(phases.shape[1])], axis=0)
+    apart = np.min([distances(points[:, 1], points[:, 0], np.interp(alphas, at, velocity),
+                              np.interp(alphas, at, phase))
+                    for phase, velocity in zip(phases.T, velocities.T, strict=True)], axis=0)
     far = np.concatenate([[0], np.cumsum(apart > AWAY)])
     left = np.flatnonzero(far[FOR:] - far[:-FOR] == FOR)
     return abs(float(alphas[left[0]]) - change) if len(left) else math.nan
