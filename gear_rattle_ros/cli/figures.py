@@ -16,7 +16,6 @@
 
 from collections.abc import Sequence
 import contextlib
-import importlib
 import io
 import itertools
 import json
@@ -26,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from . import draw
 from .refusal import attempt, INTERRUPTED, Parser
+from .run import module_of
 
 if TYPE_CHECKING:
     from ..figures.paper import Recipe
@@ -40,7 +40,7 @@ def make(recipe: 'Recipe', folder: Path) -> int:
         (folder / recipe.drawing.name).write_bytes(recipe.drawing.read_bytes())
     else:
         words += ['--output', str(store)]
-        tool = importlib.import_module(f'.{words[0]}', __package__)
+        tool = module_of(words[0], 'cli')
         with contextlib.redirect_stdout(printed):
             status = int(tool.main(words[1:]) or 0)
         if status:

@@ -31,8 +31,9 @@ from typing import Any, Final, TYPE_CHECKING
 
 from .options import model_of, number, one_by_one, path_of, paths_of, plane_of, whole
 from .refusal import attempt, INTERRUPTED, Parser
+from .. import PLACES
 from ..gear_pairs import parse
-from ..places import typed
+from ..places import PACKAGE, typed
 
 if TYPE_CHECKING:
     from ..attractors.plane import Plane
@@ -103,7 +104,7 @@ class Command:
 
     def _study(self, given: argparse.Namespace, plane: 'Plane', output: Path,
                picture: Path | None, command: str) -> None:
-        module = importlib.import_module(f'..studies.{self.name}', __package__)
+        module = module_of(self.name)
         study = getattr(module, self.name)
         takes = inspect.signature(study).parameters
         keywords = {name: tuple(value) if isinstance(value, list) else value
@@ -135,6 +136,12 @@ class Command:
             from ..figures.draw import save
             for path in save(store.dataset(), picture, **looks_of(given)):
                 print(path)
+
+
+def module_of(name: str, room: str = 'studies') -> Any:
+    """Import a study, or from `cli` its command: both stand in rooms of the same names."""
+    place = PLACES.get(name, f'studies.{name}').replace('studies', room, 1)
+    return importlib.import_module(f'{PACKAGE}.{place}')
 
 
 def _marked(path: Path | None, mark: str) -> Any:

@@ -14,7 +14,6 @@
 
 """Bad input is refused in one line; Ctrl-C keeps what is done and shows how to resume."""
 
-import importlib
 import inspect
 import io
 import json
@@ -33,6 +32,7 @@ import pytest
 from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes, stability
 from gear_rattle_ros.cli.compilation import reporting_compilation
 from gear_rattle_ros.cli.options import number, Parser
+from gear_rattle_ros.cli.run import module_of
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError
 from gear_rattle_ros.studies.progress import in_words, Progress
@@ -100,9 +100,9 @@ def test_bad_input_is_refused_in_one_line(tool, options, words, capsys, tmp_path
 def test_options_and_functions_have_the_same_defaults(name):
     """The command without options does what the function without arguments does."""
     parser = Parser(name)
-    importlib.import_module(f'gear_rattle_ros.cli.{name}').main.add_options(parser)
+    module_of(name, 'cli').main.add_options(parser)
     given = vars(parser.parse_args([]))
-    study = getattr(importlib.import_module(f'gear_rattle_ros.studies.{name}'), name)
+    study = getattr(module_of(name), name)
     takes = inspect.signature(study).parameters
     shared = set(takes) & set(given) - {'plane'}
     assert shared
@@ -141,7 +141,7 @@ def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
     ('motion', '--attractor A --initial 0 -1 0', 'motion-0.48-attractor-A-initial-0_-1_0')])
 def test_a_store_is_named_after_its_question(tool, options, name, monkeypatch):
     """The tool, alpha, and everything that is not the default, as it was given."""
-    module = importlib.import_module(f'gear_rattle_ros.cli.{tool}')
+    module = module_of(tool, 'cli')
     found = []
     monkeypatch.setattr(type(module.main), '_run',
                         lambda self, given, words: found.append(str(given.output)) or 0)

@@ -15,7 +15,6 @@
 """Every picture, drawn again from its store as a journal wants it."""
 
 from collections.abc import Callable
-import importlib
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -27,6 +26,7 @@ import xarray
 
 from gear_rattle_ros import open_dataset
 from gear_rattle_ros.cli.draw import main
+from gear_rattle_ros.cli.run import module_of
 from gear_rattle_ros.figures.draw import draw, PICTURES, save
 from gear_rattle_ros.places import config_folder
 
@@ -84,7 +84,7 @@ def again(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[Path]]
             return save(law(), folder / f'{tool}-{name}', **looks)
         store = folder / f'{tool}.zarr'
         if not store.exists():
-            command = importlib.import_module(f'gear_rattle_ros.cli.{tool}').main
+            command = module_of(tool, 'cli').main
             assert command([*COMMANDS[tool].split(), '--output', str(store)]) == 0
         before = set(folder.iterdir())
         options = [word for key, value in looks.items() for word in (f'--{key}', str(value))]
