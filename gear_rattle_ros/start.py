@@ -22,13 +22,14 @@ is imported only when Ctrl-C and SIGTERM are handled. Here only the standard lib
 from collections.abc import Callable
 import contextlib
 import functools
+import gc
 import importlib
 import io
 import os
 import signal
 import sys
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, cast, NoReturn
 
 # Every program by group: the module whose `main` it calls, with the words put before its own
 # arguments, and what it does.
@@ -90,6 +91,10 @@ EXECUTABLES = {name: module for group in GROUPS.values() for name, (module, _) i
 # Variables that libraries read while they are imported. Rerun would warn of a file without an
 # index, which the viewer adds at the end.
 ENVIRONMENT = {'viewer': {'RUST_LOG': 'warn,re_log_encoding::rrd::file_sink=error'}}
+# What numba imports where it is installed, and no program needs: it takes a tenth of a second.
+NEEDLESS = ('scipy', 'coverage')
+# Objects of the imports of a command, none of them garbage.
+IMPORTED = 300_000
 
 
 _signals: list[int] = []
@@ -137,8 +142,12 @@ def start(name: str) -> NoReturn:
         if sys.argv[1:2] == ['--version']:
             status = _print_version(name)
         else:
+            for needless in NEEDLESS:
+                cast(dict[str, Any], sys.modules).setdefault(needless, None)
             place, *words = EXECUTABLES[name].split()
             sys.argv[1:1] = words
+            if place.startswith('cli.'):
+                gc.set_threshold(IMPORTED)
             if place.startswith('nodes.'):
                 from .nodes.base.dds_room import require_pages
                 require_pages()

@@ -17,6 +17,7 @@
 import inspect
 import io
 import json
+import re
 import shlex
 import signal
 import subprocess
@@ -107,6 +108,17 @@ def test_options_and_functions_have_the_same_defaults(name):
     shared = set(takes) & set(given) - {'plane'}
     assert shared
     assert {key: given[key] for key in shared} == {key: takes[key].default for key in shared}
+
+
+def test_a_command_imports_what_it_needs(tmp_path):
+    """Whatever is installed beside it; half of the time of a small grid would be other imports."""
+    done = subprocess.run(
+        [sys.executable, '-X', 'importtime', '-m', 'gear_rattle_ros.start', 'basins', '--output',
+         str(tmp_path / 'a.zarr'), '--size', '6', '--initial-conditions', '20'],
+        check=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    found = set(re.findall(r'^import time:.*\| +([\w.]+)$', done.stderr, re.MULTILINE))
+    assert {'numba', 'zarr'} <= found
+    assert not {'dask', 'matplotlib', 'pandas', 'scipy._lib', 'xarray'} & found
 
 
 def test_a_store_of_other_parameters_is_refused(tmp_path, capsys):
