@@ -25,7 +25,7 @@ import itertools
 import json
 from pathlib import Path
 import shutil
-import types
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, Final, TYPE_CHECKING
 import weakref
 
@@ -87,6 +87,10 @@ class Store:
             self._done = np.zeros(marks.shape, marks.dtype)
         self._remove = folder and weakref.finalize(self, shutil.rmtree, folder, True)
 
+    def __reduce__(self) -> tuple[type['Store'], tuple[Path]]:
+        """Let another process open it anew."""
+        return Store, (self.path,)
+
     def close(self) -> None:
         """Remove a temporary store; any other stays."""
         if self._remove:
@@ -99,7 +103,7 @@ class Store:
 
     def __getitem__(self, name: str) -> Any:
         """Return what has the `values` of an array, as a dataset does."""
-        return types.SimpleNamespace(values=self.read_all(name))
+        return SimpleNamespace(values=self.read_all(name))
 
     def pending(self) -> list[int]:
         """List the numbers of the tiles that are still to be done."""
@@ -160,22 +164,22 @@ class Store:
         self._array(DONE)[:] = self._done
 
     def write_table(self, variables: Mapping[str, tuple[tuple[str, ...], npt.ArrayLike,
-                                                        Mapping[str, Any]]]) -> None:
+                                                        Mapping[str, Any]]],
+                    attributes: Mapping[str, Any] = MappingProxyType({})) -> None:
         """
         Write arrays that are not made tile by tile; those of the same name are replaced.
 
-        Each name comes with dimensions, values and attributes.
+        Each name comes with dimensions, values and attributes; `attributes` are of the store.
         """
-        for name, (dimensions, values, attributes) in variables.items():
+        for name, (dimensions, values, words) in variables.items():
             self._arrays.pop(name, None)
-            write_array(self._group, Variable(name, dimensions, '', attributes),
-                        np.asarray(values))
+            write_array(self._group, Variable(name, dimensions, '', words), np.asarray(values))
+        self._group.attrs.update(plain(attributes))
         consolidate(self.path)
 
     def set_attributes(self, attributes: Mapping[str, Any]) -> None:
         """Add attributes to the store."""
-        self._group.attrs.update(plain(attributes))
-        consolidate(self.path)
+        self.write_table({}, attributes)
 
     def dataset(self) -> 'xarray.Dataset':
         """

@@ -137,8 +137,7 @@ def swept(attributes: Mapping[str, Any]) -> str:
 
 
 def write_attractors(store: Store, catalogue: Catalogue) -> None:
-    store.write_table(table_of(catalogue.attractors))
-    store.set_attributes({
+    store.write_table(table_of(catalogue.attractors), {
         'labels': json.dumps({each.key: each.label for each in catalogue.attractors}),
         'random_initial_conditions': len(catalogue.labels),
         'stay': catalogue.stay,

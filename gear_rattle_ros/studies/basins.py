@@ -80,18 +80,17 @@ def compute_basins(parameters: Parameters, plane: Plane, work: Work, *, cap: int
     catalogue = find_attractors(
         parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
         hold=hold, chaotic=chaotic, threads=work.threads)
-    catalogue = compute_grid(store, plane, catalogue, cap, work, name)
-    attractors.write_attractors(store, catalogue)
-    return store, catalogue
+    return store, compute_grid(store, plane, catalogue, cap, work, name)
 
 
 def describe(dataset: Arrays) -> str:
     """Put basins in words: the attractors with their cells, and what is unsettled."""
-    labels, numbers = np.unique(dataset['label'].values, return_counts=True)
+    values = dataset['label'].values
+    labels, numbers = np.unique(values, return_counts=True)
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
     return attractors.describe(dataset, cells, (
         f'unsettled after {counted(dataset.attrs["cap"], "impact")}: '
-        f'{cells.get(UNSETTLED, 0):,} of {counted(dataset["label"].values.size, "cell")}'))
+        f'{cells.get(UNSETTLED, 0):,} of {counted(values.size, "cell")}'))
 
 
 def magnifications(plane: Plane, levels: int, across: float | None, velocity: float | None,

@@ -18,11 +18,12 @@ import dataclasses
 import functools
 import json
 import math
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
+from .attractors import write_attractors
 from .work import Work
 from ..attractors.catalogue import Catalogue
 from ..attractors.letters import with_letters
@@ -69,11 +70,11 @@ def axes_of(plane: Plane, edge: int) -> tuple[Axis, Axis]:
                     'initial displacement'), edge))
 
 
-def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
-              ) -> tuple[int, tuple[Orbit, ...]]:
-    """Compute and store a tile; what is unsettled once more, where late orbits are known."""
-    # Returns the impacts made, and stable orbits that the catalogue did not know.
-    store = Store(path)
+def fill_tile(store: Store, plane: Plane, cap: int, is_far: bool, known: Catalogue, tile: int
+              ) -> tuple[int, tuple[Orbit, ...], dict[str, npt.NDArray[Any]]]:
+    """Compute a tile; what is unsettled once more, where late orbits are known."""
+    # Returns the impacts made, stable orbits that the catalogue did not know, and what is to be
+    # stored: nothing where that `is_far` from the store's process and has been stored from here.
     part, shape = store.tiles[tile], _shape(store, tile)
     level = Level(plane.cells(known.parameters, part['velocity'], part[plane.across]), shape, cap,
                   slice_impacts=math.inf)
@@ -84,31 +85,40 @@ def fill_tile(path: Path, plane: Plane, cap: int, known: Catalogue, tile: int
         grids = {name: store.read(tile, name) for name in GRIDS}
         level.left = level.due = np.flatnonzero(grids['label'] == UNSETTLED)
         if not len(level.left):
-            return 0, ()
+            return 0, (), {}
     followed, found = level.follow(cap, known.table, threads=1)
     for name, grid in grids.items():
         np.put(grid, followed, found[name])
-    store.write(tile, grids)
+    if is_far:
+        store.write(tile, grids)
+        grids = {}
     orbits = () if known.late else late_orbits(known, level, len(level.states)).late
-    return level.impacts, orbits
+    return level.impacts, orbits, grids
 
 
 def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, work: Work, name: str
                  ) -> Catalogue:
-    """Compute the tiles that are pending; add orbits that no random initial condition reached."""
+    """Compute the pending tiles; write the attractors, and orbits found late in them, too."""
     known = catalogue.with_orbits(tuple(_orbits_from(
         store.attrs.get(LATE, '[]'), catalogue.parameters)))
-    fill = functools.partial(fill_tile, store.path, plane, cap)
+    # Threads that write would wait for each other.
+    fill = functools.partial(fill_tile, store, plane, cap, work.cluster is not None)
+    written = None
     with work.pending(name, store, lambda tile: math.prod(_shape(store, tile))) as (
             pending, finished):
-        def filled(tile: int, done: tuple[int, tuple[Orbit, ...]]) -> None:
-            nonlocal known
-            impacts, orbits = done
+        def filled(tile: int, done: tuple[int, tuple[Orbit, ...], dict[str, Any]]) -> None:
+            nonlocal known, written
+            impacts, orbits, grids = done
+            store.write(tile, grids)
             more = known.with_orbits(orbits)
             if more is not known:
                 known = more
                 store.set_attributes({LATE: _text_of(known.late)})
             finished(tile, impacts)
+            if written is None:
+                # While other threads compute.
+                write_attractors(store, known)
+                written = known
 
         work.run(functools.partial(fill, catalogue), pending, filled)
         if known.late:
@@ -116,8 +126,10 @@ def compute_grid(store: Store, plane: Plane, catalogue: Catalogue, cap: int, wor
             known = dataclasses.replace(known, late=tuple(
                 sorted(known.late, key=lambda orbit: orbit.key)))
             work.run(functools.partial(fill, known), list(range(len(store.tiles))),
-                     lambda tile, done: store.mark(tile))
+                     lambda tile, done: store.write(tile, done[2]))
             known = with_letters(known)
+    if known is not written:
+        write_attractors(store, known)
     return known
 
 

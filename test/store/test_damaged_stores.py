@@ -95,7 +95,7 @@ def test_killed_in_the_middle(tmp_path, after):
     path = tmp_path / 'a.zarr'
     code = (f'import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); '
             'from pathlib import Path; from test_damaged_stores import compute; '
-            f'print(flush=True); compute(Path({str(path)!r}), False, pause=0.05)')
+            f'print(flush=True); compute(Path({str(path)!r}), False, pause=0.2)')
     process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE)
     process.stdout.readline()
     deadline = time.monotonic() + 60.0

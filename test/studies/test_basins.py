@@ -272,7 +272,7 @@ def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     small = make_store(tmp_path / 'b', grid_layout(
         dataclasses.replace(plane, phases=40, velocities=40), {}, 'small', 1000, 20), 'test')
     few = dataclasses.replace(plane, phases=40, velocities=40)
-    assert fill_tile(small.path, few, 1000, catalogue, 3)[0] > 400
+    assert fill_tile(small, few, 1000, True, catalogue, 3)[0] > 400
     assert np.all(small.read(3, 'label') >= 0)
     assert [path.name for path in (small.path / 'label').glob('c*')] == ['c.1.1']
 
