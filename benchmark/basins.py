@@ -16,10 +16,11 @@
 Basins and lifetimes from the start of a process to Zarr on disk, next to what else one would use.
 
 Prints rows of a Markdown table. The parts, each also alone by --only: the first start ever, which
-compiles, and the second (`start`); both grids (`basin`, `lifetimes`); one thread and two beside a
-control that does nothing but arithmetic (`threads`); a hundredth of a very large basin, with its
-memory (`strip`); and the labels of one coarser grid (`peers`) by heyoka (Taylor series with
-events), by scipy's solve_ivp, by this package from where the last digit of the phase or the
+compiles, and the second (`start`); both grids (`basin`, `lifetimes`); the basin again, in turns
+with the package of another commit (`against`, where --against names one); one thread and two
+beside a control that does nothing but arithmetic (`threads`); a hundredth of a very large basin,
+with its memory (`strip`); and the labels of one coarser grid (`peers`) by heyoka (Taylor series
+with events), by scipy's solve_ivp, by this package from where the last digit of the phase or the
 velocity is another, and in 50 digits, which takes minutes. heyoka needs a separate environment:
 name its python in HEYOKA_PYTHON. What is not installed is skipped.
 """
@@ -43,7 +44,7 @@ from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.store.store import open_dataset
 
-PARTS = ('start', 'basin', 'lifetimes', 'threads', 'strip', 'peers')
+PARTS = ('start', 'basin', 'against', 'lifetimes', 'threads', 'strip', 'peers')
 # Options of a tool.
 GRIDS = {'basins': ['--alpha', '0.48'], 'lifetimes': ['--alpha', '1.244', '--cap', '5000']}
 # Displacements at which peers begin.
@@ -51,6 +52,8 @@ BEGINS = {'heyoka': INSIDE, 'heyoka, from s = 0': 0.0, 'scipy': 0.0}
 # An error like those that scipy's tolerance leaves [1].
 COARSE = 1e-13
 TURNS = 2
+# Of programs that take turns: the quickest of each counts, the first compiles.
+MANY_TURNS = 8
 ARITHMETIC = 150_000_000
 # A process counts the memory of the one that started it as its own, so a small one starts it.
 WATCH = """
@@ -64,14 +67,20 @@ sys.exit(os.waitstatus_to_exitcode(status) != 0)
 Row = tuple[str, str, str, str]
 
 
-def run(tool: str, store: Path, *options: str, cache: Path | None = None) -> tuple[float, float]:
+def run(tool: str, store: Path, *options: str, cache: Path | None = None,
+        package: Path | None = None) -> tuple[float, float]:
     """Run a tool in a process of its own; returns seconds and the peak of its memory [MiB]."""
     environment = dict(os.environ)
     if cache is not None:
         environment['NUMBA_CACHE_DIR'] = str(cache)
+    if package is not None:
+        environment['PYTHONPATH'] = str(package)
+        # Both keep their compiled sources.
+        environment.pop('PYTHONDONTWRITEBYTECODE', None)
     done = subprocess.run(
         [sys.executable, '-S', '-c', WATCH, sys.executable, '-m', 'gear_rattle_ros.start', tool,
-         *options, '--output', str(store)], capture_output=True, env=environment, text=True)
+         *options, '--output', str(store)], capture_output=True, env=environment, text=True,
+        cwd=package)
     if done.returncode:
         sys.exit(done.stderr)
     seconds, peak = done.stdout.splitlines()[-1].split()
@@ -95,6 +104,22 @@ def whole(tool: str, folder: Path, size: int) -> Iterator[Row]:
     yield (f'{tool} {size} x {size}, {" ".join(options)}: {impacts / 1e6:,.1f} million impacts of '
            'transients', f'{seconds:.2f} s from start to Zarr', '-',
            tool if tool == 'lifetimes' else 'basin')
+
+
+def against(folder: Path, size: int, commit: str) -> Iterator[Row]:
+    """Time the basin from start to disk, in turns with the package of another commit."""
+    here, there = Path(__file__).parents[1], folder / 'there'
+    there.mkdir()
+    packed = subprocess.run(['git', 'archive', commit, 'gear_rattle_ros'], cwd=here, check=True,
+                            stdout=subprocess.PIPE).stdout
+    subprocess.run(['tar', '-x', '-C', there], input=packed, check=True)
+    turns = [[run('basins', folder / f'against-{turn}-{number}.zarr', '--size', str(size),
+                  *GRIDS['basins'], package=package)[0]
+              for number, package in enumerate((here, there))] for turn in range(MANY_TURNS)]
+    ours, theirs = (min(times) for times in zip(*turns[1:], strict=True))
+    yield (f'basins {size} x {size}, {" ".join(GRIDS["basins"])}, {MANY_TURNS - 1} turns',
+           f'{ours:.2f} s from start to Zarr', f'{commit}: {theirs:.2f} s, ratio '
+           f'{ours / theirs:.2f}', 'against')
 
 
 @numba.njit(nogil=True)
@@ -205,6 +230,7 @@ def main() -> None:
                               ('peers', 30, 'cells along an edge of the grid for peers')):
         parser.add_argument(f'--{name}', type=int, default=size, metavar='N',
                             help=f'{words}; {size} by default')
+    parser.add_argument('--against', metavar='COMMIT', help='a commit to compare the basin with')
     parser.add_argument('--picture', type=Path, default=Path(tempfile.gettempdir())
                         / 'disagreement.png', help='where the peers differ')
     given = parser.parse_args()
@@ -212,6 +238,7 @@ def main() -> None:
         folder = Path(name)
         parts = {'start': first_and_second(folder),
                  'basin': whole('basins', folder, given.size),
+                 'against': against(folder, given.size, given.against) if given.against else (),
                  'lifetimes': whole('lifetimes', folder, given.size),
                  'threads': computing(given.size),
                  'strip': strip(folder, given.strip),
