@@ -165,10 +165,10 @@ TRANSIENTS: Final = (
 BASIN: Final = (
     _fixed('size', 800, 'edge of the finest picture; the first has 50, each next one twice as '
            'many', 'cells', 50, 4000),
-    _fixed('plane', 'section', 'plane of the initial conditions: section (on the wall they move '
-           'towards, so that every impact lies in its own basin), displacement (all at the same) '
-           'or strobe (all at the same drive phase)', '',
-           choices=('section', 'displacement', 'strobe')),
+    _fixed('plane', 'impact', 'plane of the initial conditions: impact (just before one, so that '
+           'every impact lies in its own basin), section (just after one), displacement (all at '
+           'the same) or strobe (all at the same drive phase)', '',
+           choices=('section', 'impact', 'displacement', 'strobe')),
     _fixed('displacement', 0.0, 'displacement of all initial conditions where plane = '
            'displacement', low=-1.0, high=0.0),
     _fixed('phase', 0.0, 'drive phase of all initial conditions where plane = strobe', 'rad', 0.0,

@@ -115,9 +115,9 @@ def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 
               plane: str = 'displacement') -> None:
     """Add the options of the plane of initial conditions; --size only where it has a default."""
     group = parser.add_argument_group('initial conditions')
-    group.add_argument('--plane', choices=('section', 'displacement', 'strobe'), default=plane,
-                       help='impacts, each on the wall that it moves towards; all at one '
-                       f'displacement; or all at one drive phase; {plane} by default')
+    group.add_argument('--plane', choices=('section', 'impact', 'displacement', 'strobe'),
+                       default=plane, help='states just after an impact; just before one; all at '
+                       f'one displacement; or all at one drive phase; {plane} by default')
     # A list is what was typed.
     group.add_argument('--displacement', type=number, nargs='+', default=(displacement,),
                        metavar='X', help='displacement of all initial conditions [1], -1 to 0; '

@@ -24,7 +24,7 @@ from ..core.defaults import BASINS_CAP
 
 def _add_options(parser: Parser) -> None:
     options.add_model(parser)
-    options.add_grid(parser, BASINS_CAP, 200, 'section')
+    options.add_grid(parser, BASINS_CAP, 200, 'impact')
     options.add_search(parser, initial_conditions=10_000)
     add(parser, 'reach', number, 2.0, 'largest kick that is tried [1]')
     parser.add_argument('--to', type=number, metavar='X',

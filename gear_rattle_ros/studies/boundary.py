@@ -30,7 +30,7 @@ from ..attractors.accessible import accessible_orbit
 from ..attractors.catalogue import Catalogue, results_here
 from ..attractors.kicks import smallest_kick
 from ..attractors.listing import named, table
-from ..attractors.plane import Plane, SECTION
+from ..attractors.plane import IMPACT, Plane
 from ..core.arrays import FloatArray, IntArray
 from ..core.boundaries.entropy import (
     basin_entropies,
@@ -257,7 +257,7 @@ def _accessible(known: Catalogue, basins: list[int], cap: int, work: Work) -> di
                 known, each, cap=cap, threads=work.threads), cap)):
             keys[k := basins.index(each.label)] = orbit.key
             shares[k] = follow_unstable(
-                functools.partial(labels_of, known, Plane(kind=SECTION), cap), orbit.points[0],
+                functools.partial(labels_of, known, Plane(kind=IMPACT), cap), orbit.points[0],
                 saddle_of(orbit).unstable, orbit.multipliers[0].real, basins)
     return table('accessible', label=(basins, 'basin from which an orbit is accessible'),
                  key=(keys, 'name of the orbit, empty for none found', None),

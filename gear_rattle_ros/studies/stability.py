@@ -34,7 +34,7 @@ from ..attractors.columns import Window
 from ..attractors.finding import find_attractors
 from ..attractors.kicks import impacts_of, Kick, REACH, smallest_displacement, smallest_kick
 from ..attractors.listing import named, table
-from ..attractors.plane import Plane, SECTION
+from ..attractors.plane import IMPACT, ON_WALLS, Plane
 from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import BASINS_CAP, HOLD, SEED, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -73,7 +73,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     """
     Find how far the attractors are from being left.
 
-    The dataset has the basins, by default on the section, and of every attractor its share, how
+    The dataset has the basins, by default just before impacts, and of every attractor its share, how
     soon trajectories settle on it, the smallest kick at an impact and the smallest displacement of
     an impact that change the attractor, and the largest disc in its basin.
 
@@ -106,7 +106,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
                              f'to {high:g}; widen it')
         asked |= {**attractors.path_attributes('erosion_window', erosion), 'columns': columns,
                   'trajectories': trajectories}
-    work, plane = Work(**options), plane or Plane(phases=200, velocities=200, kind=SECTION)
+    work, plane = Work(**options), plane or Plane(phases=200, velocities=200, kind=IMPACT)
     store, catalogue = basins.compute_basins(
         parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, tile=tile, name=NAME, title=TITLE, **asked)
@@ -203,7 +203,7 @@ def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, fl
     width, height = ((high - low) / count for (low, high), count in (
         (plane.window, plane.phases), (plane.velocity, plane.velocities)))
     velocities, best = plane.velocity_values(), (0.0, math.nan, math.nan)
-    for half in (velocities >= 0.0, velocities < 0.0) if plane.kind == SECTION else (
+    for half in (velocities >= 0.0, velocities < 0.0) if plane.kind in ON_WALLS else (
             np.isfinite(velocities),):
         rows = np.flatnonzero(half)
         if not len(rows):

@@ -147,7 +147,7 @@ def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin:
     assert image.header.stamp == stamp_from_nanoseconds(7) and image.header.frame_id == 'section'
     picture, attractors = values_of(state), attractors_of(state)
     assert (picture['velocity_low'], picture['velocity_high']) == ('-2.0', '2.0')
-    assert picture['epoch'] == '0' and picture['plane'] == 'section'
+    assert picture['epoch'] == '0' and picture['plane'] == 'impact'
     assert attractors.keys() == {2, 3}
     pixels, points = pixels_of(image), points_of(cloud)
     for impacts, each in attractors.items():
@@ -277,7 +277,7 @@ def test_a_picture_of_the_strobe_names_its_axes_and_stays_out_of_the_section() -
 def test_where_areas_are_preserved_all_is_unsettled_and_explained() -> None:
     """Without a search, and without following anything."""
     parameters = Parameters(0.1, 0.0, 0.0, 1.0)
-    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size, kind='section')
+    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size, kind='impact')
               for size in (50, 400)]
     settings = Settings((50, 400), planes[0], 1.0, 10_000_000, 1, 0)
     shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, cap=settings.cap,
