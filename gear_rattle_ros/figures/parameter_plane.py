@@ -44,7 +44,7 @@ FADED: Final = 0.45
 # Curves by what happens there, and the points at which they meet.
 LINES: Final = {'fold': ('#000000', '-'), 'doubling': ('#000000', ':'), 'pitchfork': (STABLE, '-'),
                 'grazing': (MARK, '-'), 'rest': (GREY, '--')}
-MARKS: Final = {'cusp': '^', 'grazing': 'o', 'doubling': 'D', 'sticking': 's'}
+MARKS: Final = {'crossing': 'x', 'cusp': '^', 'grazing': 'o', 'doubling': 'D', 'sticking': 's'}
 
 
 def draw_plane(dataset: 'xarray.Dataset', looks: Looks) -> Figure:

@@ -30,7 +30,7 @@ from ..core.many.recorded import record_impacts
 from ..core.many.survey import LONGEST, PERIODIC, RECURS
 from ..core.model import Parameters
 from ..core.orbits.branches import follow, Turn
-from ..core.orbits.loci import Locus, trace_locus
+from ..core.orbits.loci import crossings, Locus, Mark, trace_locus
 from ..core.orbits.orbit import Orbit
 from ..core.path import Path
 from ..store.store import Store
@@ -126,7 +126,9 @@ def curves_table(loci: list[Locus], windows: Windows, fixed: Parameters) -> dict
     curves = [(one.change.value, one.impacts, one.drive_periods, one.points[:, :2])
               for one in loci] + [(REST, 0, 0, each) for each in rest_curves(windows, fixed)]
     points = np.concatenate([np.zeros((0, 2)), *(each[3] for each in curves)])
-    marks = [mark for one in loci for mark in one.marks]
+    marks = [(*mark, k, -1) for k, one in enumerate(loci) for mark in one.marks] + [
+        (Mark.CROSSING, *place, k, n) for k, one in enumerate(loci)
+        for n in range(k + 1, len(loci)) for place in crossings(one, loci[n])]
     return table(
         'curve', kind=(np.array([each[0] for each in curves], '<U16'),
                        'what happens to an orbit there; rest: the gear may begin to rest', None),
@@ -140,6 +142,9 @@ def curves_table(loci: list[Locus], windows: Windows, fixed: Parameters) -> dict
         'mark', kind=(np.array([mark.value for mark, *_ in marks], '<U16'),
                       'cusp: two folds end; grazing: the curve ends, and the orbit grazes a wall; '
                       'doubling: a fold of the doubled orbit ends on the curve of the doubling; '
-                      'sticking: a grazing ends, as the gear would stick', None),
-        **{name: (np.array([place[k] for _, *place in marks], np.float64), f'{name} there')
+                      'sticking: a grazing ends, as the gear would stick; crossing: two curves '
+                      'cross', None),
+        curve=([mark[3] for mark in marks], 'number of its curve', None),
+        other=([mark[4] for mark in marks], 'of a crossing, number of the other; -1', None),
+        **{name: (np.array([mark[1 + k] for mark in marks], np.float64), f'{name} there')
            for k, name in enumerate(windows)})

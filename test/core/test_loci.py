@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving, Turn
-from gear_rattle_ros.core.orbits.loci import Mark, trace_locus
+from gear_rattle_ros.core.orbits.loci import crossings, Mark, trace_locus
 from gear_rattle_ros.core.orbits.orbit import close_orbit, Orbit
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.studies.plane_curves import rest_curves
@@ -42,9 +42,10 @@ def closed(beta: float, gamma: float, r: float) -> tuple[float, float, float, fl
         c, gamma + beta * c + v * (1.0 - r) * (1.0 - r * decay) / (integral * (1.0 + r)))
 
 
-def one_impact(parameters: Parameters) -> Orbit:
-    """Return the stable orbit of one impact a period."""
+def one_impact(parameters: Parameters, n: int = 1) -> Orbit:
+    """Return the stable orbit of one impact a period, or at beta = 0 in n periods."""
     v, c, _, _ = closed(parameters.beta, parameters.gamma, parameters.restitution)
+    v, c = n * v, n * c
     orbit = close_orbit(np.array([0]), np.array([[math.acos(c / parameters.alpha), v]]),
                         parameters)
     assert orbit is not None and orbit.is_stable
@@ -73,6 +74,22 @@ def test_curves_of_the_orbit_of_one_impact_are_the_closed_forms(
     exact = [closed(*(fixed | {name: y}).values())[2 if change is Change.FOLD else 3]
              for y in locus.points[:, 1].tolist()]
     np.testing.assert_allclose(locus.points[:, 0], exact, atol=1e-9, rtol=0.0)
+
+
+def test_curves_of_different_orbits_cross_where_their_closed_forms_do() -> None:
+    """The doubling of one impact a period meets the fold of one in two periods at one r."""
+    gamma, windows = 0.03, {'alpha': (0.005, 0.2), 'restitution': (0.4, 0.95)}
+    one, two = (trace_locus(turns_of(
+        one_impact(Parameters(alpha, 0.0, gamma, 0.8), n), alpha=(0.005, 0.2))[change], windows)
+        for n, alpha, change in ((1, 0.03, Change.DOUBLING), (2, 0.03, Change.FOLD)))
+    assert one is not None and two is not None and two.drive_periods == 2
+    # 2 k = hypot(k, 2 (1 + r^2)/(1 + r)^2) with k = pi (1 - r)/(1 + r), both times gamma.
+    third = math.sqrt(3.0) * math.pi
+    r = math.sqrt((third - 2.0) / (third + 2.0))
+    exact = 2.0 * math.pi * gamma * (1.0 - r) / (1.0 + r), r
+    for both in ((one, two), (two, one)):
+        (found,) = crossings(*both)
+        assert found == pytest.approx(exact, abs=1e-9)
 
 
 def test_grazings_of_the_orbit_of_one_impact_touch_the_other_wall() -> None:

@@ -14,7 +14,7 @@
 
 """Curves in a plane of two parameters on which periodic orbits fold, double or graze."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
 import enum
 import math
@@ -56,6 +56,8 @@ SAMPLES: Final = 400
 # Halves of an orbit nearer than this are nearly one [rad, 1], and curves nearer than this are [1].
 ALIKE: Final = 1e-2
 SAME: Final = 3e-4
+# Condition of the directions of two curves beyond which they do not cross.
+PARALLEL: Final = 1e6
 
 
 class Mark(enum.Enum):
@@ -65,6 +67,7 @@ class Mark(enum.Enum):
     GRAZING = 'grazing'  # the curve meets that of a grazing and ends with the orbit
     DOUBLING = 'doubling'  # a fold of the doubled orbit ends on the curve of the doubling
     STICKING = 'sticking'  # a grazing ends, as the gear would stick there
+    CROSSING = 'crossing'  # two curves cross
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,6 +78,8 @@ class Locus:
     impacts: int  # in one period of the orbit
     drive_periods: int
     points: FloatArray  # both parameters [1] and the velocity of the fastest impact, shape (n, 3)
+    ring: '_Ring'  # its equations, and what solves them at each point
+    solutions: FloatArray
     marks: tuple[tuple[Mark, float, float], ...] = ()
 
     def holds(self, other: 'Locus') -> bool:
@@ -232,23 +237,66 @@ def trace_locus(turn: Turn, windows: Mapping[str, tuple[float, float]],
     if z0 is None:
         return None
     impacts = len(ring.walls) * (2 if ring.is_half else 1) - (ring.test == TOUCHES)
-    found = Locus(ring.change, impacts, ring.drive_periods, ring.point(z0)[None])
+    found = Locus(ring.change, impacts, ring.drive_periods, ring.point(z0)[None], ring, z0[None])
     if is_real(z0, *ring.rest) < 1 or any(one.holds(found) for one in known):
         return None
     sides, marks = [], []
     for sign in (-1.0, 1.0):
-        points, some = _follow(ring, z0, sign * ring.tangent(z0, first), limits, longest)
-        sides.append(points)
+        solutions, some = _follow(ring, z0, sign * ring.tangent(z0, first), limits, longest)
+        sides.append(solutions)
         marks += some
-    return dataclasses.replace(found, points=np.array([*sides[0][:0:-1], *sides[1]]),
-                               marks=tuple(marks))
+    solutions = [*sides[0][:0:-1], *sides[1]]
+    return dataclasses.replace(found, points=np.array([ring.point(z) for z in solutions]),
+                               solutions=np.array(solutions), marks=tuple(marks))
+
+
+def crossings(one: Locus, other: Locus) -> Iterator[tuple[float, float]]:
+    """Find the parameters at which two curves cross."""
+    a, b = one.points[:, :2], other.points[:, :2]
+    apart, ways = b[:-1] - a[:-1, None], (np.diff(a, axis=0)[:, None], np.diff(b, axis=0))
+    with np.errstate(all='ignore'):
+        shares = np.stack([_area(apart, way) for way in ways[::-1]]) / _area(*ways)
+    for i, j in np.argwhere(((shares >= 0.0) & (shares < 1.0)).all(axis=0)).tolist():
+        found = _meet((one, other), (i, j), shares[:, i, j])
+        if found is not None:
+            yield found
+
+
+def _area(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _meet(loci: tuple[Locus, Locus], places: tuple[int, int], shares: FloatArray
+          ) -> tuple[float, float] | None:
+    # By Newton's method along both curves, from where straight lines between their points cross.
+    ways = [locus.solutions[k + 1] - locus.solutions[k]
+            for locus, k in zip(loci, places, strict=True)]
+    begun = moved = [locus.solutions[k] + share * way for locus, k, share, way in zip(
+        loci, places, shares, ways, strict=True)]
+    for _ in range(CORRECTIONS):
+        tangents = [locus.ring.tangent(z, way) for locus, z, way in zip(
+            loci, moved, ways, strict=True)]
+        on = [reached for locus, z, tangent, first, way in zip(
+            loci, moved, tangents, begun, ways, strict=True)
+            if (reached := locus.ring.correct(z, tangent, float(np.linalg.norm(way)))) is not None
+            and np.max(np.abs(reached - first)) <= np.linalg.norm(way)]
+        slopes = np.column_stack([tangents[0][-2:], -tangents[1][-2:]])
+        # What touches, or is one curve found twice, does not cross.
+        if len(on) < 2 or np.linalg.cond(slopes) > PARALLEL:
+            return None
+        gap = on[1][-2:] - on[0][-2:]
+        if np.max(np.abs(gap)) < ROUNDING:
+            return float(on[0][-2]), float(on[0][-1])
+        steps = np.linalg.solve(slopes, gap)
+        moved = [z + step * tangent for z, step, tangent in zip(on, steps, tangents, strict=True)]
+    return None
 
 
 def _follow(ring: _Ring, z: FloatArray, tangent: FloatArray,
             windows: tuple[tuple[float, float], ...], longest: float
             ) -> tuple[list[FloatArray], list[tuple[Mark, float, float]]]:
     start, step = z, FIRST_STEP
-    points = [ring.point(z)]
+    solutions = [z]
     marks: list[tuple[Mark, float, float]] = []
     for number in range(MOST):
         reached = ring.correct(z + step * tangent, tangent, STRAY * step + ROUNDING)
@@ -258,21 +306,21 @@ def _follow(ring: _Ring, z: FloatArray, tangent: FloatArray,
             if step >= SHORTEST_STEP:
                 continue
             mark = Mark.STICKING if real < 0 else ring.ending(z)
-            return points, [*marks, (mark, *z[-2:].tolist())]
+            return solutions, [*marks, (mark, *z[-2:].tolist())]
         following = ring.tangent(reached, tangent)
         if tangent[-2:] @ following[-2:] < 0.0:
             cusp = _cusp(ring, z, tangent, step)
             marks.append((Mark.CUSP, *cusp[-2:].tolist()))
-            points.append(ring.point(cusp))
+            solutions.append(cusp)
         z, tangent = reached, following
-        points.append(ring.point(z))
+        solutions.append(z)
         inside = all(low <= value <= high for value, (low, high) in zip(
             z[-2:], windows, strict=True))
         closed = number > 10 and float(np.linalg.norm(z - start)) < step
         if not inside or closed:
             break
         step = min(1.4 * step, longest)
-    return points, marks
+    return solutions, marks
 
 
 def _cusp(ring: _Ring, z: FloatArray, tangent: FloatArray, step: float) -> FloatArray:
