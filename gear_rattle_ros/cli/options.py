@@ -108,7 +108,7 @@ def add_model(parser: Parser, alpha: float = defaults.ALPHA,
             metavar=('A', 'B') if windows else 'X', help=f'{what} [1]' + (
                 f'{words}; {standard:g} by default' if isinstance(standard, float) else
                 f'{words}; {shown} by default, {alpha:g} where another one has a window'))
-    add_gears(parser, number)
+    add_gears(parser, number, _Values if windows else None)
 
 
 def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0,
@@ -126,6 +126,8 @@ def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 
                        metavar='X', help='window of the drive phase [rad]; 0 2pi by default; of '
                        'a strobe its phase, 0 by default')
     add(group, 'velocity', number, (-2.0, 2.0), 'window of the velocity [1]')
+    group.add_argument('--velocity-m-per-s', type=number, nargs=2, metavar=('A', 'B'),
+                       help='the same of a gear pair [m/s]')
     if size is not None:
         group.add_argument('--size', type=whole(1), nargs='+', default=[size], metavar='N',
                            help='cells across and along velocity, N or N M; '
