@@ -80,6 +80,6 @@ def si_axis(range_: Range1d, scale: float, words: str) -> LinearAxis:
 
 
 def read_out(range_: Range1d, factor: float = 1.0, unit: str = '') -> CustomJSHover:
-    """Return the format of a coordinate under the pointer, in a `unit` beside it if one is given."""
+    """Return the format of a coordinate under the pointer, and beside it in a `unit`."""
     return CustomJSHover(
         args={'range': range_, 'scale': 1.0, 'factor': factor, 'unit': unit}, code=_READ)

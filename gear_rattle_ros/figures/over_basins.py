@@ -107,7 +107,8 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for kind, words, marker in (('saddle', 'saddle', 'o'), ('crossing', 'first crossing', 'x')):
         here = plane.holds(dataset[f'{kind}_wall'].values)
         axes.plot(dataset[f'{kind}_phase'].values[here],
-                  factors[0] * dataset[f'{kind}_velocity'].values[here], marker, color=mark, markersize=7.0, markeredgewidth=2.0, zorder=4)
+                  factors[0] * dataset[f'{kind}_velocity'].values[here], marker, color=mark,
+                  markersize=7.0, markeredgewidth=2.0, zorder=4)
         handles += [legend_mark(marker, mark, words)] * bool(len(here))
     for number in np.unique(dataset['cell_number'].values).tolist():
         mine = (dataset['cell_number'].values == number) & plane.holds(

@@ -73,9 +73,9 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
     """
     Find how far the attractors are from being left.
 
-    The dataset has the basins, by default just before impacts, and of every attractor its share, how
-    soon trajectories settle on it, the smallest kick at an impact and the smallest displacement of
-    an impact that change the attractor, and the largest disc in its basin.
+    The dataset has the basins, by default just before impacts, and of every attractor its share,
+    how soon trajectories settle on it, the smallest kick at an impact and the smallest
+    displacement of an impact that change the attractor, and the largest disc in its basin.
 
     Parameters
     ----------
