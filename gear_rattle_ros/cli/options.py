@@ -90,25 +90,25 @@ class _Values(argparse.Action):
 
 
 def add_model(parser: Parser, alpha: float = defaults.ALPHA,
-              windows: tuple[tuple[float, float], ...] = (), words: str = '',
+              windows: tuple[tuple[float, float], ...] | None = None, words: str = '',
               about: str = '') -> None:
-    """Add the options of the model; with windows of alpha each option takes one, too."""
+    """Add the options of the model; with windows of alpha, or none, each option takes one, too."""
     group = parser.add_argument_group(
         'model', about or 'Each option takes a value or a window of two; with several windows the '
         'sweep goes straight from all first values to all last ones, and --mark and accuracies '
-        'are in parts of that way.' if windows else
+        'are in parts of that way.' if windows is not None else
         'Each option takes one value or several, in turn.')
     for name, standard, what in (
             ('alpha', windows or alpha, 'amplitude of the drive'),
             ('beta', defaults.BETA, 'damping'), ('gamma', defaults.GAMMA, 'constant load'),
             ('restitution', defaults.RESTITUTION, 'coefficient of restitution')):
-        shown = ' and '.join('{:g} {:g}'.format(*each) for each in windows)
+        shown = ' and '.join('{:g} {:g}'.format(*each) for each in windows or ())
         group.add_argument(
             f'--{name}', type=number, nargs='+', action=_Values, default=standard,
-            metavar=('A', 'B') if windows else 'X', help=f'{what} [1]' + (
+            metavar='X' if windows is None else ('A', 'B'), help=f'{what} [1]' + (
                 f'{words}; {standard:g} by default' if isinstance(standard, float) else
                 f'{words}; {shown} by default, {alpha:g} where another one has a window'))
-    add_gears(parser, number, _Values if windows else None)
+    add_gears(parser, number, None if windows is None else _Values)
 
 
 def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0,
@@ -210,6 +210,12 @@ def path_of(given: argparse.Namespace) -> 'Path':
     if others:
         raise ValueError(f'give one window of --{path.varied[0]}, not {1 + len(others)}')
     return path
+
+
+def place_of(given: argparse.Namespace) -> 'Parameters | Path':
+    """Read the model, or the path of a sweep where a parameter has a window."""
+    is_swept = any(isinstance(getattr(given, name), list) for name in MODEL)
+    return path_of(given) if is_swept else model_of(given)
 
 
 def add_along(parser: Parser, of: str) -> None:

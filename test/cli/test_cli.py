@@ -73,7 +73,9 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('attractors', '--sizes 3', 'unrecognized arguments'),
     ('stability', '--reach 0', 'reach = 0.0 is outside'),
     ('stability', '--omega=-1', 'omega = -1.0 is outside'),
-    ('stability', '--to=-1', 'to = -1.0 is outside'),
+    ('stability', '--to=-1', 'alpha = -1.0 is outside'),
+    ('stability', '--to delta=1', "'delta=1' is not one of alpha, beta, gamma, restitution"),
+    ('stability', '--to gamma=0.1 beta=0.1', 'a jump to the same parameters changes nothing'),
     ('stability', '--erosion 0.5 0.4', 'alpha window 0.5 to 0.4 is empty or reversed'),
     ('stability', '--erosion 0.5 0.6', 'alpha 0.48 is not in the window'),
 ])

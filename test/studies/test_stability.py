@@ -70,7 +70,7 @@ def test_settling_times_are_those_of_the_simulator():
 @pytest.fixture(scope='module')
 def dataset():
     return stability(P, Plane(phases=50, velocities=40, kind='impact'),
-                     initial_conditions=500, hold=20_000, to=0.52, threads=1)
+                     initial_conditions=500, hold=20_000, to=Parameters(0.52), threads=1)
 
 
 def test_random_initial_conditions_are_of_the_plane_of_the_grid(dataset):
