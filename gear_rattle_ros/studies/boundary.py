@@ -381,8 +381,10 @@ def describe(dataset: Arrays) -> str:
 
 def _describe_rows(dataset: Arrays) -> str:
     axis, columns = attractors.swept(dataset.attrs), {
-        name: dataset[name].values[..., 0] if name in LAWS else dataset[name].values
-        for name in ROW}
+        name: dataset[name].values for name in ROW if name not in LAWS}
+    for number, probe in enumerate(PROBES):
+        columns |= {f'{probe}{name.removeprefix("exponent")}': dataset[name].values[:, number]
+                    for name in LAWS}
 
     def measured(name: str) -> list[str]:
         return ['-' if math.isnan(value) else f'{value:.4f} +- {error:.4f}'
@@ -392,11 +394,11 @@ def _describe_rows(dataset: Arrays) -> str:
         return ['-' if math.isnan(value) else f'{100.0 * value:.1f}' for value in columns[name]]
 
     return in_columns(
-        [f' {axis}', ' basins', ' exponent', ' by the saddle', ' S_b', ' S_bb',
+        [f' {axis}', ' basins', ' exponent by triplets', ' by boxes', ' by the saddle', ' S_b', ' S_bb',
          ' merging [%]', ' refinement [%]'], [[*row] for row in zip(
              [f'{value:.9g}' for value in dataset[axis].values],
-             [f'{value:.0f}' for value in columns['basins']], measured('exponent'),
-             measured('saddle_exponent'), measured('entropy_mean'), measured('entropy_boundary'),
+             [f'{value:.0f}' for value in columns['basins']],
+             *map(measured, PROBES), measured('saddle_exponent'), measured('entropy_mean'), measured('entropy_boundary'),
              share('merging'), share('refinement'), strict=True)])
 
 

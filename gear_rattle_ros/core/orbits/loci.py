@@ -56,8 +56,8 @@ SAMPLES: Final = 400
 # Halves of an orbit nearer than this are nearly one [rad, 1], and curves nearer than this are [1].
 ALIKE: Final = 1e-2
 SAME: Final = 3e-4
-# Condition of the directions of two curves beyond which they do not cross.
-PARALLEL: Final = 1e6
+# Condition of the equations of two curves beyond which they do not cross.
+PARALLEL: Final = 1e9
 
 
 class Mark(enum.Enum):
@@ -256,8 +256,14 @@ def crossings(one: Locus, other: Locus) -> Iterator[tuple[float, float]]:
     apart, ways = b[:-1] - a[:-1, None], (np.diff(a, axis=0)[:, None], np.diff(b, axis=0))
     with np.errstate(all='ignore'):
         shares = np.stack([_area(apart, way) for way in ways[::-1]]) / _area(*ways)
-    for i, j in np.argwhere(((shares >= 0.0) & (shares < 1.0)).all(axis=0)).tolist():
-        found = _meet((one, other), (i, j), shares[:, i, j])
+    for places in np.argwhere(((shares >= 0.0) & (shares < 1.0)).all(axis=0)).tolist():
+        begun, reach = [], 0.0
+        for locus, k, share in zip((one, other), places, shares[:, places[0], places[1]],
+                                   strict=True):
+            way = locus.solutions[k + 1] - locus.solutions[k]
+            begun.append(locus.solutions[k] + share * way)
+            reach = max(reach, float(np.linalg.norm(way)))
+        found = _meet((one.ring, other.ring), begun, reach)
         if found is not None:
             yield found
 
@@ -266,29 +272,26 @@ def _area(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _meet(loci: tuple[Locus, Locus], places: tuple[int, int], shares: FloatArray
+def _meet(rings: tuple['_Ring', '_Ring'], begun: list[FloatArray], reach: float
           ) -> tuple[float, float] | None:
-    # By Newton's method along both curves, from where straight lines between their points cross.
-    ways = [locus.solutions[k + 1] - locus.solutions[k]
-            for locus, k in zip(loci, places, strict=True)]
-    begun = moved = [locus.solutions[k] + share * way for locus, k, share, way in zip(
-        loci, places, shares, ways, strict=True)]
+    # Both orbits at once by Newton's method. What touches, or is one curve found twice, does not
+    # cross.
+    first, n = np.concatenate(begun), len(begun[0])
+    z, matrix = first, np.zeros((len(first), len(first)))
+    matrix[-2:, n - 2:n], matrix[-2:, -2:] = np.eye(2), -np.eye(2)
     for _ in range(CORRECTIONS):
-        tangents = [locus.ring.tangent(z, way) for locus, z, way in zip(
-            loci, moved, ways, strict=True)]
-        on = [reached for locus, z, tangent, first, way in zip(
-            loci, moved, tangents, begun, ways, strict=True)
-            if (reached := locus.ring.correct(z, tangent, float(np.linalg.norm(way)))) is not None
-            and np.max(np.abs(reached - first)) <= np.linalg.norm(way)]
-        slopes = np.column_stack([tangents[0][-2:], -tangents[1][-2:]])
-        # What touches, or is one curve found twice, does not cross.
-        if len(on) < 2 or np.linalg.cond(slopes) > PARALLEL:
+        (one, a), (other, b) = zip(rings, (z[:n], z[n:]), strict=True)
+        matrix[:n - 1, :n], matrix[n - 1:-2, n:] = (jacobian(a, *one.rest),
+                                                    jacobian(b, *other.rest))
+        if np.linalg.cond(matrix) > PARALLEL:
             return None
-        gap = on[1][-2:] - on[0][-2:]
-        if np.max(np.abs(gap)) < ROUNDING:
-            return float(on[0][-2]), float(on[0][-1])
-        steps = np.linalg.solve(slopes, gap)
-        moved = [z + step * tangent for z, step, tangent in zip(on, steps, tangents, strict=True)]
+        change = np.linalg.solve(matrix, np.concatenate([
+            residual(a, *one.rest), residual(b, *other.rest), a[-2:] - b[-2:]]))
+        z = z - change
+        if np.max(np.abs(z - first)) > reach:
+            return None
+        if np.max(np.abs(change)) < ROUNDING:
+            return float(z[-2]), float(z[-1])
     return None
 
 
