@@ -88,6 +88,8 @@ def _figure(dataset: 'xarray.Dataset', looks: Looks, picture: Any, greys: Scalar
     height, width = (style.scaled(cells) for cells in picture.shape[:2])
     columns = min(4, (style.LEFT + width + BAR) // COLUMN)
     below = style.BOTTOM + ROW * -(-(len(handles) + len(lines)) // columns)
+    # There is an axis in SI units between.
+    below += style.BESIDE[0] if 'gears' in a else 0
     figure = new_figure(style.LEFT + width + BAR, below + height + style.TOP - 20, looks)
     style.write_title(figure, style.LEFT, looks.title or 'Parameter plane, ' + ', '.join(
         f'{name} {a[name]:g}' for name in Model._fields if name in a))
