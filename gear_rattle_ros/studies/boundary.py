@@ -380,26 +380,23 @@ def describe(dataset: Arrays) -> str:
 
 
 def _describe_rows(dataset: Arrays) -> str:
-    axis, columns = attractors.swept(dataset.attrs), {
-        name: dataset[name].values for name in ROW if name not in LAWS}
-    for number, probe in enumerate(PROBES):
-        columns |= {f'{probe}{name.removeprefix("exponent")}': dataset[name].values[:, number]
-                    for name in LAWS}
+    axis = attractors.swept(dataset.attrs)
 
-    def measured(name: str) -> list[str]:
+    def measured(values: FloatArray, errors: FloatArray) -> list[str]:
         return ['-' if math.isnan(value) else f'{value:.4f} +- {error:.4f}'
-                for value, error in zip(columns[name], columns[f'{name}_error'], strict=True)]
+                for value, error in zip(values, errors, strict=True)]
 
-    def share(name: str) -> list[str]:
-        return ['-' if math.isnan(value) else f'{100.0 * value:.1f}' for value in columns[name]]
-
-    return in_columns(
-        [f' {axis}', ' basins', ' exponent by triplets', ' by boxes', ' by the saddle', ' S_b', ' S_bb',
-         ' merging [%]', ' refinement [%]'], [[*row] for row in zip(
-             [f'{value:.9g}' for value in dataset[axis].values],
-             [f'{value:.0f}' for value in columns['basins']],
-             *map(measured, PROBES), measured('saddle_exponent'), measured('entropy_mean'), measured('entropy_boundary'),
-             share('merging'), share('refinement'), strict=True)])
+    laws = (dataset[name].values.T for name in LAWS)
+    columns = [[f'{value:.9g}' for value in dataset[axis].values],
+               [f'{value:.0f}' for value in dataset['basins'].values],
+               *map(measured, *laws), *(
+        measured(*(dataset[name + end].values for end in ('', '_error')))
+        for name in ('saddle_exponent', 'entropy_mean', 'entropy_boundary')), *(
+        ['-' if math.isnan(value) else f'{100.0 * value:.1f}' for value in dataset[name].values]
+        for name in ('merging', 'refinement'))]
+    return in_columns([
+        f' {axis}', ' basins', ' exponent by triplets', ' by boxes', ' by the saddle', ' S_b',
+        ' S_bb', ' merging [%]', ' refinement [%]'], [*zip(*columns, strict=True)])
 
 
 def _wada_by_manifolds(dataset: Arrays) -> list[str]:

@@ -21,7 +21,6 @@ from typing import Any, Final
 import numpy as np
 
 from .work import Work
-from ..attractors.engine import run_tiles
 from ..attractors.listing import table
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
@@ -56,26 +55,20 @@ def find_loci(store: Store, windows: Windows, fixed: Parameters, plane: Plane, s
     on_orbit = (kinds == PERIODIC) & np.isfinite(exponents)
     each, numbers = np.unique(types[on_orbit], axis=0, return_counts=True)
     each = each[np.argsort(-numbers, kind='stable')][:count]
-    found: dict[int, list[Locus]] = {}
     axes = {name: store.read_all(name) for name in windows}
-    with work.report('curves', len(each), uneven=True) as progress:
-        def search(number: int) -> list[Locus]:
-            cells = (on_orbit & np.all(types == each[number], axis=-1)).any(axis=2)
-            loci: list[Locus] = []
-            for turn in _turns(_orbits(cells, each[number], axes, fixed, plane, seed), windows):
-                locus = trace_locus(turn, windows, loci)
-                loci += [locus] if locus else []
-            return loci
 
-        def finished(number: int, loci: list[Locus]) -> None:
-            found[number] = loci
-            progress.add(1)
+    def search(kind: Any) -> list[Locus]:
+        cells = (on_orbit & np.all(types == kind, axis=-1)).any(axis=2)
+        loci: list[Locus] = []
+        for turn in _turns(_orbits(cells, kind, axes, fixed, plane, seed), windows):
+            locus = trace_locus(turn, windows, loci)
+            loci += [locus] if locus else []
+        return loci
 
-        run_tiles(search, range(len(each)), finished, threads=work.threads)
-    loci: list[Locus] = []
-    for number in range(len(each)):
-        loci += [one for one in found[number] if not any(other.holds(one) for other in loci)]
-    return loci
+    found: list[Locus] = []
+    for loci in work.each('curves', [*each], search):
+        found += [one for one in loci if not any(other.holds(one) for other in found)]
+    return found
 
 
 def _orbits(cells: Any, kind: Any, axes: Mapping[str, FloatArray], fixed: Parameters,
