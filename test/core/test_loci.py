@@ -142,6 +142,19 @@ def test_the_impact_pair_loses_its_symmetry_where_it_is_known_to() -> None:
     np.testing.assert_allclose(found, [0.3846204847, 0.3458892783, 0.3419009408], atol=2e-9)
 
 
+def test_mirror_images_have_one_curve_without_a_load() -> None:
+    """The two that the pitchfork leaves double on the same curve, which is found once."""
+    path = Path.over(Parameters(0.3, 0.0, 0.0, 0.8), alpha=(0.2, 0.6))
+    turn = turns_of(symmetric(0.2, 0.8), alpha=(0.01, 0.6))[Change.PITCHFORK]
+    windows = {'alpha': (0.2, 0.8), 'restitution': (0.7, 0.9)}
+    doublings = [next(each for each in follow(
+        one, path, 1.0, 0.2, 0.6).turns if each.change is Change.DOUBLING)
+        for one in leaving(path, turn)]
+    assert len(doublings) == 2
+    locus = trace_locus(doublings[0], windows)
+    assert locus is not None and trace_locus(doublings[1], windows, [locus]) is None
+
+
 def test_the_impact_pair_grazes_twice_at_once() -> None:
     """Its symmetric orbit, in closed form, touches a wall between its impacts at every point."""
     turn = turns_of(symmetric(0.3, 0.5), alpha=(0.01, 2.0))[Change.GRAZING]

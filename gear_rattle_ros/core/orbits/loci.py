@@ -219,7 +219,8 @@ class _Ring:
         return Mark.GRAZING
 
     def point(self, z: FloatArray) -> FloatArray:
-        return np.array([*z[-2:], np.max(z[1:-2:3] if not self.is_half else np.abs(z[1:-2:3]))])
+        # So an orbit and its mirror image have one curve without a load.
+        return np.array([*z[-2:], np.max(np.abs(z[1:-2:3]))])
 
 
 def trace_locus(turn: Turn, windows: Mapping[str, tuple[float, float]],
