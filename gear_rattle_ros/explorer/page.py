@@ -107,7 +107,7 @@ class Page:
         self._kind = RadioButtonGroup(name='kind', labels=list(KINDS),
                                       active=KINDS.index(view.kind), width=270)
         self._plane = RadioButtonGroup(name='plane_kind', labels=list(PLANES),
-                                       active=PLANES.index(view.on), width=250)
+                                       active=PLANES.index(view.on), width=320)
         self._sliders: dict[str, Slider] = {}
         self._typed: dict[str, NumericInput] = {}
         self._compare = Toggle(name='compare', label='compare', width=80,

@@ -94,7 +94,7 @@ def test_the_same_state_has_the_same_label_on_every_plane() -> None:
 
 def test_impacts_lie_on_the_section_and_on_their_wall() -> None:
     walls = np.array([0, 1, 1])
-    for plane, expected in ((Plane(kind='section'), [True] * 3), (Plane(kind='impact'), [True] * 3),
+    for plane, expected in (*((Plane(kind=kind), [True] * 3) for kind in ('section', 'impact')),
                             (Plane(), [True, False, False]),
                             (Plane(displacement=-1.0), [False, True, True]),
                             (Plane(displacement=-0.5), [False] * 3),

@@ -55,7 +55,7 @@ TOOLS = {'attractors': attractors.main, 'basins': basins.main, 'lifetimes': life
     ('basins', '--size 3 4 5', '--size takes one or two numbers'),
     ('basins', '--size 2.5', "'2.5' is not a whole number"),
     ('basins', '--displacement 0.5', 'displacement = 0.5 is outside [-1, 0]'),
-    ('basins', '--plane section --displacement 0', 'impacts have that of their walls; leave it out'),
+    ('basins', '--plane section --displacement 0', 'impacts have that of their walls; leave'),
     ('basins', '--plane strobe --displacement -0.5', 'give a window, two numbers'),
     ('attractors', '--plane strobe --phase 0 1', 'give one number'),
     ('lifetimes', '--phase 1', 'give a window, two numbers'),
