@@ -116,7 +116,7 @@ class PlaneFigure:
 
     def lay(self, view: View) -> None:
         """Lay the axis of the phase, or of the displacement, as the plane of a view has it."""
-        is_phase, axis, range_ = view.on != STROBE, self.figure.xaxis[0], self.figure.x_range
+        is_phase, axis, range_ = view.on != STROBE, self.figure.below[0], self.figure.x_range
         range_.update(start=view.window[0], end=view.window[1])
         range_.update(bounds=(-PHASE_BOUND, PHASE_BOUND) if is_phase else (-1.0, 0.0),
                       max_interval=TWO_PI if is_phase else 1.0)

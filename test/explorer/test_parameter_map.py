@@ -87,7 +87,9 @@ def test_the_map_follows_a_store_that_is_computed(tmp_path: FilePath) -> None:
         return any(isinstance(each, PeriodicCallback) for each in document.session_callbacks)
 
     assert waits() and np.ptp(shown()) == 0
-    assert page._pane.plane.figure.right[-1].axis_label == '[mm/s]'
+    plot = page._pane.plane.figure
+    assert [axis.axis_label for axis in (*plot.above, plot.right[-1])] == ['[μm]', '[mm/s]']
+    assert plot.below[0].axis_label == 'initial drive phase τ [rad]' and not plot.above[0].visible
     store.mark(1)
     page._follow()
     first, second = shown()[:, :40], shown()[:, 40:]
