@@ -116,8 +116,8 @@ def rest_curves(windows: Windows, fixed: Parameters) -> Iterator[FloatArray]:
 
 def curves_table(loci: list[Locus], windows: Windows, fixed: Parameters) -> dict[str, Any]:
     """Return the arrays of all curves, the points at which they change, and rest."""
-    curves = [(one.change.value, one.impacts, one.drive_periods, one.points[:, :2])
-              for one in loci] + [(REST, 0, 0, each) for each in rest_curves(windows, fixed)]
+    curves = [(*one.ring.title, one.points[:, :2]) for one in loci] + [
+        (REST, 0, 0, each) for each in rest_curves(windows, fixed)]
     points = np.concatenate([np.zeros((0, 2)), *(each[3] for each in curves)])
     marks = [(*mark, k, -1) for k, one in enumerate(loci) for mark in one.marks] + [
         (Mark.CROSSING, *place, k, n) for k, one in enumerate(loci)

@@ -68,7 +68,7 @@ def test_curves_of_the_orbit_of_one_impact_are_the_closed_forms(
     orbit = one_impact(Parameters(0.1))
     locus = trace_locus(turns_of(orbit, alpha=(0.01, 0.2))[change],
                         {'alpha': (0.0, 0.5), name: window})
-    assert locus is not None and (locus.impacts, locus.drive_periods) == (1, 1)
+    assert locus is not None and locus.ring.title[1:] == (1, 1)
     assert len(locus.points) > 20 and np.ptp(locus.points[:, 1]) > 0.5 * (window[1] - window[0])
     fixed = {'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9}
     exact = [closed(*(fixed | {name: y}).values())[2 if change is Change.FOLD else 3]
@@ -82,7 +82,7 @@ def test_curves_of_different_orbits_cross_where_their_closed_forms_do() -> None:
     one, two = (trace_locus(turns_of(
         one_impact(Parameters(alpha, 0.0, gamma, 0.8), n), alpha=(0.005, 0.2))[change], windows)
         for n, alpha, change in ((1, 0.03, Change.DOUBLING), (2, 0.03, Change.FOLD)))
-    assert one is not None and two is not None and two.drive_periods == 2
+    assert one is not None and two is not None and two.ring.title[1:] == (1, 2)
     # 2 k = hypot(k, 2 (1 + r^2)/(1 + r)^2) with k = pi (1 - r)/(1 + r), both times gamma.
     third = math.sqrt(3.0) * math.pi
     r = math.sqrt((third - 2.0) / (third + 2.0))
@@ -136,7 +136,7 @@ def test_the_impact_pair_loses_its_symmetry_where_it_is_known_to() -> None:
     np.testing.assert_allclose(alpha, 1.0 / np.hypot(2.0, math.pi * (1.0 + r) / (1.0 - r)),
                                atol=1e-9, rtol=0.0)
     pitchfork = trace_locus(turns[Change.PITCHFORK], windows, longest=2e-3)
-    assert pitchfork is not None and pitchfork.impacts == 2
+    assert pitchfork is not None and pitchfork.ring.title[1] == 2
     alpha, r, _ = pitchfork.points[np.argsort(pitchfork.points[:, 1])].T
     found = CubicSpline(r, alpha)([0.5, 0.8, 0.9])
     np.testing.assert_allclose(found, [0.3846204847, 0.3458892783, 0.3419009408], atol=2e-9)
@@ -159,7 +159,7 @@ def test_the_impact_pair_grazes_twice_at_once() -> None:
     """Its symmetric orbit, in closed form, touches a wall between its impacts at every point."""
     turn = turns_of(symmetric(0.3, 0.5), alpha=(0.01, 2.0))[Change.GRAZING]
     locus = trace_locus(turn, {'alpha': (0.01, 2.0), 'restitution': (0.2, 0.9)})
-    assert locus is not None and locus.impacts == 2 and len(locus.points) > 20
+    assert locus is not None and locus.ring.title[1] == 2 and len(locus.points) > 20
     for alpha, r, _ in locus.points.tolist():
         k = math.pi * (1.0 + r) / (1.0 - r)
         tau = math.atan2(2.0, k) - math.acos(1.0 / (alpha * math.hypot(2.0, k)))

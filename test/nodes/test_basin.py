@@ -260,7 +260,8 @@ def test_a_bad_plane_is_one_line(start: Callable) -> None:
 
 @pytest.mark.parametrize(('plane', 'shown'), [
     (Plane(phase=1.5, kind='strobe'), {
-        'plane': 'strobe', 'phase': '1.5', 'displacement_low': '-1.0', 'displacement_high': '0.0'}),
+        'plane': 'strobe', 'phase': '1.5', 'displacement_low': '-1.0',
+        'displacement_high': '0.0'}),
     (Plane(kind='section'), {'plane': 'section', 'phase_low': '0.0'})])
 def test_a_picture_of_another_plane_stays_out_of_the_section(
         plane: Plane, shown: dict[str, str]) -> None:
