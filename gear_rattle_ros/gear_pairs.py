@@ -18,7 +18,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any, Final, TYPE_CHECKING
 
 from .core.defaults import QUANTITIES, RESTITUTION
 
@@ -56,15 +56,23 @@ def pair_of(given: Mapping[str, Any]) -> 'Gears | None':
     return read_gears(given.get('gears'), **changes)
 
 
-def add_gears(parser: argparse.ArgumentParser, read: Callable[[str], float] = float) -> None:
-    """Add the options of a gear pair in SI units; the restitution has one already."""
+# Quantities that are proportional to a parameter: where it takes a window, they do, too.
+PROPORTIONAL: Final = ('drive_rad', 'drive_m', 'drag_n_m_s_per_rad', 'torque_n_m')
+
+
+def add_gears(parser: argparse.ArgumentParser, read: Callable[[str], float] = float,
+              windows: type[argparse.Action] | None = None) -> None:
+    """Add the options of a gear pair in SI units; `windows` reads those of sweeps."""
     group = parser.add_argument_group('gear pair in SI units, instead of alpha, beta and gamma')
     group.add_argument('--gears', type=Path, metavar='FILE.yaml', help='file of its quantities; '
                        'the options below replace single ones')
     for name, (words, unit) in QUANTITIES.items():
+        many: Any = {'metavar': 'X'} if windows is None or name not in PROPORTIONAL else {
+            'nargs': '+', 'action': windows, 'metavar': ('A', 'B')}
+        # There is an option of the restitution already.
         if name != 'restitution':
-            group.add_argument(f'--{name.replace("_", "-")}', type=read, metavar='X',
-                               help=f'{words} [{unit}]')
+            group.add_argument(f'--{name.replace("_", "-")}', type=read, **many, help=f'{words} '
+                               f'[{unit}]' + ', or a window of two' * (len(many) > 1))
 
 
 def parse(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
@@ -77,14 +85,28 @@ def parse(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
     changes = {name: value for name in QUANTITIES if name != 'restitution'
                and (value := getattr(given, name, None)) is not None}
     given.pair = None
+    windows = {name: each for name, each in changes.items() if isinstance(each, list)}
+    changes |= {name: each[0][0] for name, each in windows.items()}
     if changes or getattr(given, 'gears', None) is not None:
         pair = read_gears(given.gears, **changes)
-        numbers = {**vars(pair.parameters), 'omega': pair.omega}
-        # A window, such as that of alpha, stays.
         for line in pair.warnings():
             print(f'{parser.prog.split()[-1]}: {line}', file=sys.stderr)
-        parser.set_defaults(**{name: value for name, value in numbers.items() if name in given
-                               and not isinstance(parser.get_default(name), tuple)})
+        # A window, such as that of alpha, stays.
+        numbers = {name: value for name, value in
+                   {**vars(pair.parameters), 'omega': pair.omega}.items() if name in given
+                   and not isinstance(parser.get_default(name), tuple)}
+        for name, (quantity, unit) in pair.units.items():
+            if quantity in windows:
+                if getattr(given, name) != parser.get_default(name):
+                    raise ValueError(f'--{name} and --{quantity.replace("_", "-")} are windows of '
+                                     'the same; give one of them')
+                numbers[name] = [(a / unit, b / unit) for a, b in windows[quantity]]
+        parser.set_defaults(**numbers)
         given = parser.parse_args(words)
         given.pair = pair
+    if getattr(given, 'velocity_m_per_s', None):
+        if given.pair is None:
+            raise ValueError('--velocity-m-per-s is of a gear pair; give its file with --gears')
+        given.velocity = [each / given.pair.scales.velocity_m_per_s
+                          for each in given.velocity_m_per_s]
     return given

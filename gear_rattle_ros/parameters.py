@@ -104,6 +104,8 @@ _QUANTITIES: Final = tuple(
     _fixed(name, 0.0, f'{words}; if given, it replaces that of gears', unit, -1e9, 1e9)
     for name, (words, unit) in QUANTITIES.items() if name != 'restitution')
 
+# With one of these the frequency of the drive changes while the simulator runs.
+SPEEDS: Final = ('frequency_hz', 'speed_rpm')
 SIMULATOR: Final = (
     _live('alpha', 0.48, 'amplitude of the drive', low=0.0, high=model.ALPHA_MAXIMUM),
     _live('beta', 0.1, 'damping', low=0.0, high=model.BETA_MAXIMUM),
@@ -130,15 +132,17 @@ SIMULATOR: Final = (
           low=-model.VELOCITY_MAXIMUM, high=model.VELOCITY_MAXIMUM),
     _live('seed', 0, 'seed of the noise, used at the beginning and at a reset', '', 0,
           simulation.SEED_MAXIMUM),
-    _fixed('omega', 2.0 * math.pi, 'drive frequency: simulated time is tau/omega', 'rad/s',
-           1e-6, 1e9),
+    _fixed('omega', 2.0 * math.pi, 'drive frequency at the beginning: simulated time is tau/omega',
+           'rad/s', 1e-6, 1e9),
     _fixed('tick', 0.02, 'interval at which batches are published', 's', 0.001, 10.0),
     _fixed('display_rate', 30.0, 'joint states per second of wall time', 'Hz', 0.0, 1000.0),
     _fixed('backlash_angle', 0.01, 'backlash, the scale of the joint states', 'rad', 1e-9, 1.0),
     _fixed('publish_clock', False, 'publish the simulated time on /clock, and stamp with it', ''),
     _fixed('gears', '', 'YAML file of a gear pair, which gives alpha, beta, gamma, restitution, '
            'omega and backlash_angle their defaults', ''),
-    *_QUANTITIES,
+    *(dataclasses.replace(each, read_only=False, description=f'{each.description}; beta and gamma '
+                          'follow a change, where the gear pair has it')
+      if each.name in SPEEDS else each for each in _QUANTITIES),
     _FRAME,
     _fixed('scene', '', 'scene to be played from the beginning; its first step replaces the '
            'defaults', ''),
@@ -165,10 +169,10 @@ TRANSIENTS: Final = (
 BASIN: Final = (
     _fixed('size', 800, 'edge of the finest picture; the first has 50, each next one twice as '
            'many', 'cells', 50, 4000),
-    _fixed('plane', 'section', 'plane of the initial conditions: section (on the wall they move '
-           'towards, so that every impact lies in its own basin), displacement (all at the same) '
-           'or strobe (all at the same drive phase)', '',
-           choices=('section', 'displacement', 'strobe')),
+    _fixed('plane', 'impact', 'plane of the initial conditions: impact (just before one, so that '
+           'every impact lies in its own basin), section (just after one), displacement (all at '
+           'the same) or strobe (all at the same drive phase)', '',
+           choices=('section', 'impact', 'displacement', 'strobe')),
     _fixed('displacement', 0.0, 'displacement of all initial conditions where plane = '
            'displacement', low=-1.0, high=0.0),
     _fixed('phase', 0.0, 'drive phase of all initial conditions where plane = strobe', 'rad', 0.0,
@@ -224,6 +228,8 @@ VIEWER: Final = (
     _fixed('web_port', 9090, 'port of the web viewer', '', 1024, 65535),
     _fixed('colour', 'age', 'what colours the section: age, alpha, or attractor (the one visited '
            'last)', '', choices=('age', 'alpha', 'attractor')),
+    _fixed('gears', '', 'YAML file of a gear pair, in whose SI units the state is, too', ''),
+    *_QUANTITIES,
 )
 TELEOP: Final = (
     _fixed('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),

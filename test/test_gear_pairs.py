@@ -14,6 +14,7 @@
 
 """A gear pair in tools, datasets, pictures, the suite and the explorer."""
 
+import argparse
 import json
 import math
 from pathlib import Path
@@ -26,9 +27,11 @@ import xarray
 
 from gear_rattle_ros import draw, Gears, open_dataset, Plane
 from gear_rattle_ros.cli import attractors, basins, motion, stability
+from gear_rattle_ros.cli.options import add_model, add_plane, path_of, plane_of
+from gear_rattle_ros.cli.refusal import Parser
 from gear_rattle_ros.core.defaults import QUANTITIES
 from gear_rattle_ros.explorer import server
-from gear_rattle_ros.gear_pairs import read_gears
+from gear_rattle_ros.gear_pairs import parse, read_gears
 from gear_rattle_ros.nodes.suite.node import _parse
 from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.studies.attractors import attractors as find
@@ -181,6 +184,38 @@ def test_what_looks_wrong_is_said_once(pair: Path, tmp_path: Path, capsys) -> No
                         '--periods', '1', '--output', str(tmp_path / 'a.zarr')]) == 0
     said = [line for line in capsys.readouterr().err.splitlines() if 'at rest' in line]
     assert len(said) == 1 and said[0].startswith('motion: a gear at rest stays at rest')
+
+
+def swept(*words: str) -> argparse.Namespace:
+    """Parse the options of a sweep."""
+    parser = Parser('sweep')
+    add_model(parser, windows=((0.47, 0.6),))
+    add_plane(parser)
+    return parse(parser, list(words))
+
+
+def test_windows_in_si_are_those_of_the_model(pair: Path) -> None:
+    """A drive, a torque or a drag has two values where its parameter takes them."""
+    gears = '--gears', str(pair)
+    path = path_of(swept(*gears, '--drive-rad', '0.001', '0.003', '--torque-n-m', '0', '0.001'))
+    scale = MODEL['alpha'] / 0.002
+    assert path.first.alpha == pytest.approx(0.001 * scale, rel=1e-14)
+    assert path.last.alpha == pytest.approx(0.003 * scale, rel=1e-14)
+    assert (path.first.gamma, path.last.gamma) == (0.0, pytest.approx(MODEL['gamma'], rel=1e-14))
+    assert path.first.beta == path.last.beta == pytest.approx(MODEL['beta'], rel=1e-14)
+    # One value is that of the gear pair, and the window of alpha stays.
+    path = path_of(swept(*gears, '--drag-n-m-s-per-rad', '8e-3'))
+    assert path.ends == (0.47, 0.6) and path.first.beta == pytest.approx(2.0 * MODEL['beta'])
+    plane = plane_of(swept(*gears, '--velocity-m-per-s', '-0.01', '0.02'))
+    assert plane.velocity == pytest.approx((-0.01 / (1e-4 * OMEGA), 0.02 / (1e-4 * OMEGA)))
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    ('--velocity-m-per-s 0 1', 'is of a gear pair; give its file with --gears'),
+    ('--drive-rad 1e-3 2e-3 --alpha 0.4 0.5', '--alpha and --drive-rad are windows of the same')])
+def test_windows_that_cannot_be_are_refused(pair: Path, words: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        swept(*shlex.split(words), *['--gears', str(pair)] * ('drive' in words))
 
 
 def test_the_suite_hands_the_gear_pair_on(pair: Path) -> None:

@@ -29,7 +29,9 @@ from ..core.model import Parameters, require_finite, VELOCITY_MAXIMUM
 TWO_PI: Final = 2.0 * math.pi
 # Largest number of cells along an edge.
 EDGE_MAXIMUM: Final = 1_000_000
-SECTION, DISPLACEMENT, STROBE = PLANES = ('section', 'displacement', 'strobe')
+SECTION, IMPACT, DISPLACEMENT, STROBE = PLANES = ('section', 'impact', 'displacement', 'strobe')
+# Those of impacts, on the wall that the sign of the velocity names.
+ON_WALLS: Final = (SECTION, IMPACT)
 
 # The fields of INITIAL, or of RESULT, that change along a trajectory.
 STATE: Final = ('phase', 'displacement', 'velocity')
@@ -42,8 +44,9 @@ class Plane:
     A window of a plane of initial conditions, cut into cells.
 
     The `kind` is 'displacement', where all have the same displacement [1], in [-1, 0], 0 by
-    default; 'section', where all are impacts, each on the wall that it moves towards, with its
-    velocity before the impact; or 'strobe', where all have the same drive phase [rad], 0 by
+    default; 'section', where all come from an impact, each on the wall that it moves away from,
+    with its velocity just after the impact; 'impact', where all are about to have one, on the
+    wall that they move towards; or 'strobe', where all have the same drive phase [rad], 0 by
     default. The window of the other of the two, of `phase`, at most 2 pi wide, or on a strobe of
     `displacement`, is cut into `phases` cells, that of the `velocity` [1] into `velocities`.
     ValueError where a value is out of range or a window empty or reversed.
@@ -60,16 +63,16 @@ class Plane:
         if self.kind not in PLANES:
             raise ValueError(f'plane {self.kind!r} is not one of {", ".join(PLANES)}')
         is_strobe = self.kind == STROBE
-        if self.kind == SECTION and self.displacement is not None:
-            raise ValueError(f'displacement {self.displacement}: impacts on the section have that '
-                             'of their walls; leave it out')
+        if self.kind in ON_WALLS and self.displacement is not None:
+            raise ValueError(f'displacement {self.displacement}: impacts have that of their '
+                             'walls; leave it out')
         for name, standard, is_window, low, high in (
             ('displacement', (-1.0, 0.0) if is_strobe else 0.0, is_strobe, -1.0, 0.0),
             ('phase', 0.0 if is_strobe else (0.0, TWO_PI), not is_strobe, -1e3, 1e3),
             ('velocity', None, True, -VELOCITY_MAXIMUM, VELOCITY_MAXIMUM),
         ):
             value = getattr(self, name)
-            if value is None and (self.kind, name) != (SECTION, 'displacement'):
+            if value is None and (self.kind not in ON_WALLS or name != 'displacement'):
                 value = standard
             if value is not None:
                 value = _checked(name, value, is_window, low, high, self.kind)
@@ -117,8 +120,8 @@ class Plane:
 
     @property
     def words(self) -> str:
-        if self.kind == SECTION:
-            return 'section'
+        if self.kind in ON_WALLS:
+            return 'section' if self.kind == SECTION else 'before an impact'
         return f'{"strobe at phase" if self.kind == STROBE else "s ="} {self._fixed:g}'
 
     def across_values(self, first: int = 0, last: int | None = None) -> FloatArray:
@@ -136,15 +139,20 @@ class Plane:
             # What is beyond a wall is on it.
             return make_initial_conditions(parameters, self._fixed, np.clip(across, -1.0, 0.0),
                                            velocities)
-        displacement = (self._fixed if self.kind == DISPLACEMENT else
-                        np.where(np.asarray(velocities) < 0.0, -1.0, 0.0))
+        v = np.asarray(velocities)
+        displacement = self._fixed if self.kind == DISPLACEMENT else np.where(
+            v > 0.0 if self.kind == SECTION else v < 0.0, -1.0, 0.0)
         return make_initial_conditions(parameters, across, displacement, velocities)
 
     def holds(self, walls: IntArray) -> npt.NDArray[np.bool_]:
-        """Return which impacts, by their walls, lie on it, with their velocity before them."""
+        """Return which impacts, by their walls, lie on it."""
         if self.kind == DISPLACEMENT:
             return np.asarray(walls == -self._fixed)
-        return np.full(len(walls), self.kind == SECTION)
+        return np.full(len(walls), self.kind in ON_WALLS)
+
+    def factors(self, restitution: float) -> tuple[float, ...]:
+        """Return the velocities at which an impact lies on it, in units of that before it."""
+        return {SECTION: (-restitution,), IMPACT: (1.0,)}.get(self.kind, (1.0, -restitution))
 
     def cells(self, parameters: Parameters, velocities: slice, across: slice) -> RecordArray:
         """Return the initial conditions of some cells as INITIAL, row by row, velocity first."""

@@ -22,7 +22,8 @@ from ..core.defaults import BASINS_CAP
 
 
 def _add_options(parser: Parser) -> None:
-    options.add_model(parser)
+    options.add_model(parser, windows=())
+    add(parser, 'columns', whole(2), 14, 'values of a window, evenly spaced')
     options.add_plane(parser, size=400)
     add(parser, 'distances', number, (1e-9, 1e-1), 'smallest and largest distance of the probes')
     add(parser, 'per-decade', whole(1), 2, 'distances to a factor of ten')
@@ -31,5 +32,6 @@ def _add_options(parser: Parser) -> None:
     options.add_search(parser)
 
 
-main = Command('boundary', 'Measure how uncertain and how fractal the boundary between basins is.',
+main = Command('boundary', 'Measure how uncertain and how fractal the boundary between basins is, '
+               'also against a parameter.',
                _add_options)

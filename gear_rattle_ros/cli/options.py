@@ -90,34 +90,34 @@ class _Values(argparse.Action):
 
 
 def add_model(parser: Parser, alpha: float = defaults.ALPHA,
-              windows: tuple[tuple[float, float], ...] = (), words: str = '',
+              windows: tuple[tuple[float, float], ...] | None = None, words: str = '',
               about: str = '') -> None:
-    """Add the options of the model; with windows of alpha each option takes one, too."""
+    """Add the options of the model; with windows of alpha, or none, each option takes one, too."""
     group = parser.add_argument_group(
         'model', about or 'Each option takes a value or a window of two; with several windows the '
         'sweep goes straight from all first values to all last ones, and --mark and accuracies '
-        'are in parts of that way.' if windows else
+        'are in parts of that way.' if windows is not None else
         'Each option takes one value or several, in turn.')
     for name, standard, what in (
             ('alpha', windows or alpha, 'amplitude of the drive'),
             ('beta', defaults.BETA, 'damping'), ('gamma', defaults.GAMMA, 'constant load'),
             ('restitution', defaults.RESTITUTION, 'coefficient of restitution')):
-        shown = ' and '.join('{:g} {:g}'.format(*each) for each in windows)
+        shown = ' and '.join('{:g} {:g}'.format(*each) for each in windows or ())
         group.add_argument(
             f'--{name}', type=number, nargs='+', action=_Values, default=standard,
-            metavar=('A', 'B') if windows else 'X', help=f'{what} [1]' + (
+            metavar='X' if windows is None else ('A', 'B'), help=f'{what} [1]' + (
                 f'{words}; {standard:g} by default' if isinstance(standard, float) else
                 f'{words}; {shown} by default, {alpha:g} where another one has a window'))
-    add_gears(parser, number)
+    add_gears(parser, number, None if windows is None else _Values)
 
 
 def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 0.0,
               plane: str = 'displacement') -> None:
     """Add the options of the plane of initial conditions; --size only where it has a default."""
     group = parser.add_argument_group('initial conditions')
-    group.add_argument('--plane', choices=('section', 'displacement', 'strobe'), default=plane,
-                       help='impacts, each on the wall that it moves towards; all at one '
-                       f'displacement; or all at one drive phase; {plane} by default')
+    group.add_argument('--plane', choices=('section', 'impact', 'displacement', 'strobe'),
+                       default=plane, help='states just after an impact; just before one; all at '
+                       f'one displacement; or all at one drive phase; {plane} by default')
     # A list is what was typed.
     group.add_argument('--displacement', type=number, nargs='+', default=(displacement,),
                        metavar='X', help='displacement of all initial conditions [1], -1 to 0; '
@@ -126,6 +126,8 @@ def add_plane(parser: Parser, *, size: int | None = None, displacement: float = 
                        metavar='X', help='window of the drive phase [rad]; 0 2pi by default; of '
                        'a strobe its phase, 0 by default')
     add(group, 'velocity', number, (-2.0, 2.0), 'window of the velocity [1]')
+    group.add_argument('--velocity-m-per-s', type=number, nargs=2, metavar=('A', 'B'),
+                       help='the same of a gear pair [m/s]')
     if size is not None:
         group.add_argument('--size', type=whole(1), nargs='+', default=[size], metavar='N',
                            help='cells across and along velocity, N or N M; '
@@ -208,6 +210,12 @@ def path_of(given: argparse.Namespace) -> 'Path':
     if others:
         raise ValueError(f'give one window of --{path.varied[0]}, not {1 + len(others)}')
     return path
+
+
+def place_of(given: argparse.Namespace) -> 'Parameters | Path':
+    """Read the model, or the path of a sweep where a parameter has a window."""
+    is_swept = any(isinstance(getattr(given, name), list) for name in MODEL)
+    return path_of(given) if is_swept else model_of(given)
 
 
 def add_along(parser: Parser, of: str) -> None:

@@ -29,7 +29,16 @@ import shlex
 import sys
 from typing import Any, Final, TYPE_CHECKING
 
-from .options import model_of, number, one_by_one, path_of, paths_of, plane_of, whole
+from .options import (
+    model_of,
+    number,
+    one_by_one,
+    path_of,
+    paths_of,
+    place_of,
+    plane_of,
+    whole,
+)
 from .refusal import attempt, INTERRUPTED, Parser
 from .. import PLACES
 from ..gear_pairs import parse
@@ -109,12 +118,10 @@ class Command:
         takes = inspect.signature(study).parameters
         keywords = {name: tuple(value) if isinstance(value, list) else value
                     for name, value in vars(given).items() if name in takes} | {'plane': plane}
-        read: Callable[[argparse.Namespace], Any] = next((
-            read for name, read in (('path', path_of), ('paths', paths_of)) if name in takes),
-            model_of)
-        model = read(given)
+        model: Any = {'path': path_of, 'paths': paths_of, 'place': place_of}.get(
+            next(iter(takes)), model_of)(given)
         if given.pair is not None:
-            if read is model_of and given.pair.parameters != model:
+            if isinstance(model, type(given.pair.parameters)) and given.pair.parameters != model:
                 given.pair = given.pair.with_parameters(model)
             keywords['gears'] = given.pair
             print(given.pair.describe())

@@ -15,20 +15,31 @@
 
 """The command `stability`."""
 
+import argparse
+import dataclasses
+
 from . import options
-from .options import add, number, whole
+from .options import add, MODEL, number, whole
 from .refusal import Parser
 from .run import Command
 from ..core.defaults import BASINS_CAP
 
 
+def _jump(text: str) -> tuple[str, float]:
+    name, _, value = text.rpartition('=')
+    if (name or MODEL[0]) not in MODEL:
+        raise argparse.ArgumentTypeError(f'{text!r} is not one of {", ".join(MODEL)} with a value')
+    return name or MODEL[0], number(value)
+
+
 def _add_options(parser: Parser) -> None:
     options.add_model(parser)
-    options.add_grid(parser, BASINS_CAP, 200, 'section')
+    options.add_grid(parser, BASINS_CAP, 200, 'impact')
     options.add_search(parser, initial_conditions=10_000)
     add(parser, 'reach', number, 2.0, 'largest kick that is tried [1]')
-    parser.add_argument('--to', type=number, metavar='X',
-                        help='an amplitude to which alpha jumps: where trajectories go then')
+    parser.add_argument('--to', type=_jump, nargs='+', metavar='NAME=X',
+                        help='parameters that jump, such as gamma=0.2, a number alone being of '
+                        'alpha: where trajectories go then')
     parser.add_argument('--erosion', type=number, nargs=2, metavar=('A', 'B'),
                         help='window in which shares and smallest kicks are followed')
     options.add_along(parser, 'erosion')
@@ -40,4 +51,7 @@ def _add_options(parser: Parser) -> None:
 
 main = Command('stability', 'Find how far attractors are from being left: basin stability, '
                'settling times, smallest kicks, discs, erosion, tipping.', _add_options,
-               keywords=lambda given: {'erosion': options.path_along(given, given.erosion)})
+               keywords=lambda given: {
+                   'erosion': options.path_along(given, given.erosion),
+                   'to': dataclasses.replace(options.model_of(given), **dict(given.to))
+                   if given.to else None})

@@ -16,11 +16,18 @@
 
 from typing import Final
 
-from bokeh.models import CustomJSHover, CustomJSTicker, CustomJSTickFormatter, Range1d
+from bokeh.models import (
+    CustomJSHover,
+    CustomJSTicker,
+    CustomJSTickFormatter,
+    LinearAxis,
+    Range1d,
+)
 
-# Round numbers; for phases in a wide window, multiples of a fraction of pi.
+# Round numbers, also after multiplication by a scale; for phases in a wide window, multiples of a
+# fraction of pi.
 _ROUND: Final = """
-    const width = Math.abs(range.end - range.start);
+    const width = scale * Math.abs(range.end - range.start);
     const power = Math.pow(10, Math.floor(Math.log10(width / 4)));
     let step = power * [1, 2, 5, 10].find((m) => width / (m * power) <= 5.5), parts = 0;
     const digits = Math.max(0, Math.min(17, Math.ceil(-Math.log10(step) - 1e-9)));
@@ -30,10 +37,10 @@ _STEP: Final = _ROUND + """
         if (parts == 0 && width >= 2.5 * Math.PI / n) { step = Math.PI / n; parts = n; }
 """
 _TICKS: Final = """
-    const low = Math.min(range.start, range.end), high = Math.max(range.start, range.end);
-    const ticks = [];
+    const ends = [scale * range.start, scale * range.end], ticks = [];
+    const low = Math.min(...ends), high = Math.max(...ends);
     for (let n = Math.ceil(low / step); n * step <= high && ticks.length < 20; n++)
-        ticks.push(n * step);
+        ticks.push(n * step / scale);
     return ticks;
 """
 _PHASE: Final = _STEP + """
@@ -45,23 +52,34 @@ _PHASE: Final = _STEP + """
     return sign + (size == 1 ? '' : size) + '\u03c0' + (bottom == 1 ? '' : '/' + bottom);
 """
 _LABEL: Final = _ROUND + """
-    return tick.toFixed(digits).replace('-', '\u2212');
+    return (scale * tick).toFixed(digits).replace('-', '\u2212');
 """
 _READ: Final = _ROUND + """
-    return value.toFixed(Math.min(17, digits + 2)).replace('-', '\u2212');
+    const words = (number) => number.replace('-', '\u2212');
+    return words(value.toFixed(Math.min(17, digits + 2)))
+        + (unit ? ` (${words((value * factor).toPrecision(4))} ${unit})` : '');
 """
 
 
-def ticker(range_: Range1d, is_phase: bool) -> CustomJSTicker:
-    return CustomJSTicker(
-        args={'range': range_}, major_code=(_STEP if is_phase else _ROUND) + _TICKS)
+def ticker(range_: Range1d, is_phase: bool, scale: float = 1.0) -> CustomJSTicker:
+    return CustomJSTicker(args={'range': range_, 'scale': scale},
+                          major_code=(_STEP if is_phase else _ROUND) + _TICKS)
 
 
-def formatter(range_: Range1d, is_phase: bool) -> CustomJSTickFormatter:
+def formatter(range_: Range1d, is_phase: bool, scale: float = 1.0) -> CustomJSTickFormatter:
     """Return the labels of an axis; phases are fractions of pi where the window is wide."""
-    return CustomJSTickFormatter(args={'range': range_}, code=_PHASE if is_phase else _LABEL)
+    return CustomJSTickFormatter(args={'range': range_, 'scale': scale},
+                                 code=_PHASE if is_phase else _LABEL)
 
 
-def read_out(range_: Range1d) -> CustomJSHover:
-    """Return the format of a coordinate under the pointer."""
-    return CustomJSHover(args={'range': range_}, code=_READ)
+def si_axis(range_: Range1d, scale: float, words: str) -> LinearAxis:
+    """Return a second axis, in a unit in which 1 is the `scale`."""
+    return LinearAxis(ticker=ticker(range_, False, scale), axis_label=words,
+                      formatter=formatter(range_, False, scale),
+                      axis_label_text_font_style='normal')
+
+
+def read_out(range_: Range1d, factor: float = 1.0, unit: str = '') -> CustomJSHover:
+    """Return the format of a coordinate under the pointer, and beside it in a `unit`."""
+    return CustomJSHover(
+        args={'range': range_, 'scale': 1.0, 'factor': factor, 'unit': unit}, code=_READ)

@@ -20,7 +20,7 @@ import functools
 import html
 from pathlib import Path
 import threading
-from typing import TYPE_CHECKING
+from typing import Final
 
 from bokeh.document import Document
 from bokeh.events import DocumentReady
@@ -51,10 +51,8 @@ from .trajectory import follow, Trajectory
 from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import KINDS
 from ..attractors.plane import PLANES, TWO_PI, Window
+from ..core.gears import Gears
 from ..core.words import counted
-
-if TYPE_CHECKING:
-    import xarray
 
 TITLE = 'Gear rattle explorer'
 # Phase [rad] and velocity [1] of the first trajectory.
@@ -65,6 +63,8 @@ SLIDERS = (('alpha', 'α drive', 0.0, 2.0, 0.001), ('beta', 'β damping', 0.0, 1
            ('restitution', 'r restitution', 0.0, 1.0, 0.005),
            ('displacement', 's₀ initial', -1.0, 0.0, 0.01),
            ('phase', 'τ₀ initial', 0.0, TWO_PI, 0.01))
+# How often the map of parameters looks for what is new in its store [ms].
+MAP_EVERY: Final = 2000
 # The same of what the second plane may differ in.
 SECOND = {each[0]: each[1:] for each in SLIDERS if each[0] in MODEL}
 
@@ -76,8 +76,9 @@ class Shared:
     catalogues: Catalogues
     link: SimulatorLink
     folder: Path
-    # A dataset of `parameter_plane`, if its map is wanted.
-    plane: 'xarray.Dataset | None' = None
+    # A store of `parameter_plane`, if its map is wanted; a gear pair, if there are SI units.
+    plane: Path | None = None
+    gears: Gears | None = None
 
 
 class Page:
@@ -89,10 +90,11 @@ class Page:
         self._shown = shown
         self._trajectory: Trajectory | None = None
         view = shown.view
-        self._pane = Pane(document, PlaneFigure(view, self._move, self._click),
+        self._pane = Pane(document, PlaneFigure(
+            view, self._move, self._click, gears=shared.gears),
                           shared.catalogues, is_open, Colours())
         self._beside: Pane | None = None
-        self._figures = TrajectoryFigures()
+        self._figures = TrajectoryFigures(shared.gears)
         self._message = Div(name='message', width=RIGHT_WIDTH, height=40, text=(
             'Drag to pan, turn the wheel to zoom, click a point to see its trajectory.'),
             styles={'font-size': '12.5px', 'overflow-wrap': 'anywhere'})
@@ -105,7 +107,7 @@ class Page:
         self._kind = RadioButtonGroup(name='kind', labels=list(KINDS),
                                       active=KINDS.index(view.kind), width=270)
         self._plane = RadioButtonGroup(name='plane_kind', labels=list(PLANES),
-                                       active=PLANES.index(view.on), width=250)
+                                       active=PLANES.index(view.on), width=320)
         self._sliders: dict[str, Slider] = {}
         self._typed: dict[str, NumericInput] = {}
         self._compare = Toggle(name='compare', label='compare', width=80,
@@ -114,7 +116,9 @@ class Page:
             name='layers', labels=list(LAYERS), width=290,
             active=[LAYERS.index(each) for each in shown.layers])
         self._map = shared.plane and ParameterMap(
-            shared.plane, lambda name, value: self._set(name, '', None, value))
+            shared.plane, lambda name, value: self._set(name, '', None, value), shared.gears)
+        if self._map and self._map.grows:
+            self._following = document.add_periodic_callback(self._follow, MAP_EVERY)
         self._saving = Saving(shared.folder, self._report_later)
         self._lay_out()
         self._ask_panes()
@@ -126,6 +130,11 @@ class Page:
         for pane in filter(None, (self._pane, self._beside)):
             pane.stop()
         self._saving.stop()
+
+    def _follow(self) -> None:
+        """Show what has been added to the store of the map."""
+        if self._map and not self._map.follow():
+            self._document.remove_periodic_callback(self._following)
 
     def _lay_out(self) -> None:
         controls = [self._control(name, title, (low, high), step)
@@ -254,7 +263,7 @@ class Page:
             return
         if self._beside is None:
             plane = PlaneFigure(view, self._move, self._click,
-                                self._pane.plane.figure, '_beside')
+                                self._pane.plane.figure, '_beside', self._shared.gears)
             plane.mark(*self._shown.point)
             # What has a letter has one colour everywhere; others keep that of the first plane.
             self._beside = Pane(self._document, plane, self._shared.catalogues, self._is_open,

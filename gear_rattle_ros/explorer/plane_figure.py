@@ -24,12 +24,13 @@ from bokeh.models import ColumnDataSource, CustomJSHover, Range1d
 from bokeh.plotting import figure
 import numpy as np
 
-from .axes import formatter, read_out, ticker
+from .axes import formatter, read_out, si_axis, ticker
 from .computing import Picture
 from .painting import Colours, paint
 from .skeleton import Layers, LONGEST, places
 from .view import NARROWEST, PHASE_BOUND, VELOCITY_BOUND, View
 from ..attractors.plane import STROBE, TWO_PI, Window
+from ..core.gears import Gears
 from ..palette import AMBER, MARK, STABLE, UNSTABLE
 
 WIDTH = 618
@@ -57,8 +58,9 @@ class PlaneFigure:
 
     def __init__(self, view: View, moved: Callable[[Window, Window], None],
                  clicked: Callable[[float, float], None], along: figure | None = None,
-                 name: str = '') -> None:
-        # `along` is a plane whose window this one shares, `name` an ending of all names.
+                 name: str = '', gears: Gears | None = None) -> None:
+        # `along` is a plane whose window this one shares, `name` an ending of all names; with a
+        # gear pair it has second axes in SI units.
         x_range, y_range = (along.x_range, along.y_range) if along else (
             Range1d(*view.window, min_interval=NARROWEST),
             Range1d(*view.velocity, bounds=(-VELOCITY_BOUND, VELOCITY_BOUND),
@@ -98,6 +100,13 @@ class PlaneFigure:
                     : value.toFixed(3).replace('-', '\u2212'));"""),
             '$x': read_out(x_range), '$y': read_out(y_range)})
         plot.add_tools(self._hover)
+        self._above: models.LinearAxis | None = None
+        if gears:
+            unit = 1e3 * gears.scales.velocity_m_per_s
+            self._hover.formatters['$y'] = read_out(y_range, unit, 'mm/s')
+            plot.add_layout(si_axis(y_range, unit, '[mm/s]'), 'right')
+            self._above = si_axis(x_range, 1e6 * gears.scales.displacement_m, '[μm]')
+            plot.add_layout(self._above, 'above')
         self.lay(view)
         self._moved, self._is_moving = moved, False
         for range_ in () if along else (x_range, y_range):
@@ -107,12 +116,14 @@ class PlaneFigure:
 
     def lay(self, view: View) -> None:
         """Lay the axis of the phase, or of the displacement, as the plane of a view has it."""
-        is_phase, axis, range_ = view.on != STROBE, self.figure.xaxis, self.figure.x_range
+        is_phase, axis, range_ = view.on != STROBE, self.figure.below[0], self.figure.x_range
         range_.update(start=view.window[0], end=view.window[1])
         range_.update(bounds=(-PHASE_BOUND, PHASE_BOUND) if is_phase else (-1.0, 0.0),
                       max_interval=TWO_PI if is_phase else 1.0)
         axis.axis_label = f'initial {"drive phase τ [rad]" if is_phase else "displacement s [1]"}'
         axis.ticker, axis.formatter = ticker(range_, is_phase), formatter(range_, is_phase)
+        if self._above:
+            self._above.visible = not is_phase
         self._hover.tooltips = TIP.replace('ACROSS', 'phase $x{custom} rad' if is_phase else
                                            'displacement $x{custom}')
 

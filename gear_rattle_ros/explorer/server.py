@@ -43,7 +43,7 @@ from ..cli.compilation import reporting_compilation
 from ..cli.options import add_model, model_of
 from ..cli.refusal import Parser
 from ..gear_pairs import parse
-from ..store.store import open_dataset, StoreError
+from ..store.store import Store, StoreError
 
 NAME = 'explorer'
 ADDRESS = '127.0.0.1'
@@ -98,13 +98,13 @@ def serve(given: argparse.Namespace, refuse: Callable[[str], NoReturn]) -> int:
     if not above.is_dir() or not os.access(above, os.W_OK):
         refuse(f'--folder {given.folder} cannot be written')
     try:
-        plane = given.parameters and open_dataset(given.parameters)
-        if plane and plane.attrs.get('tool') != 'parameter_plane':
-            refuse(f'--parameters {given.parameters} is of the tool {plane.attrs.get("tool")}, '
-                   'not of parameter_plane')
+        tool = given.parameters and Store(given.parameters).attrs.get('tool')
+        if tool not in (None, 'parameter_plane'):
+            refuse(f'--parameters {given.parameters} is of the tool {tool}, not of '
+                   'parameter_plane')
     except StoreError as error:
         refuse(str(error))
-    shared = Shared(Catalogues(), SimulatorLink(), given.folder, plane)
+    shared = Shared(Catalogues(), SimulatorLink(), given.folder, given.parameters, given.pair)
     try:
         server = make_server(shared, view, given.port)
     except OSError as error:
@@ -139,8 +139,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = Parser(NAME, description='Look at the plane of initial conditions in a browser.')
     add_model(parser)
     parser.add_argument('--parameters', type=Path, metavar='STORE.zarr',
-                        help='a store of parameter_plane: its map is shown below, and a click '
-                        'there sets the parameters')
+                        help='a store of parameter_plane, also one that is still computed: its '
+                        'map is shown below, and a click there sets the parameters')
     parser.add_argument('--port', type=_port, default=PORT, metavar='N',
                         help=f'port of {ADDRESS}; {PORT} by default')
     parser.add_argument('--no-browser', action='store_true', help='open no browser')

@@ -29,7 +29,7 @@ from .computing import SETTLED_AFTER
 from .view import CAP, View
 from ..attractors.kicks import Kick, smallest_kick, STEPS
 from ..attractors.orbits import find_orbits
-from ..attractors.plane import SECTION
+from ..attractors.plane import IMPACT
 from ..attractors.saddles import Straddling
 from ..core.arrays import FloatArray, IntArray
 from ..core.flight.elementary import TWO_PI
@@ -88,11 +88,12 @@ class Layers(NamedTuple):
 
 def places(view: View, walls: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return where impacts lie on a plane, just before and just after; nan off its wall."""
-    before = np.where(view.plane(1).holds(walls)[:, None], points, math.nan)
-    before[:, 0] %= TWO_PI
-    # On the section velocities are those before impacts.
-    return before, before * ((math.nan, math.nan) if view.on == SECTION else
-                             (1.0, -view.parameters.restitution))
+    plane, r = view.plane(1), view.parameters.restitution
+    here = np.where(plane.holds(walls)[:, None], points, math.nan)
+    here[:, 0] %= TWO_PI
+    before, after = (here * ((1.0, factor) if factor in plane.factors(r) else (math.nan, math.nan))
+                     for factor in (1.0, -r))
+    return before, after
 
 
 def nearest_saddle(asked: Asked, orbits: tuple[Orbit, ...]) -> Orbit | None:
@@ -221,7 +222,7 @@ class Skeleton:
                      f'{SIDES[-float(kick.wall)]} wall, phase {kick.phase:.4f}')
             here = int(asked.view.plane(1).holds(np.array([kick.wall]))[0])
             first, change, factor = kick.velocity_after, kick.change, model.restitution
-            if asked.view.on == SECTION:
+            if asked.view.on == IMPACT:
                 # As a change of the velocity before the impact it does the same.
                 first, change = kick.velocity, change / (-factor if first and factor else 1.0)
             other = f' (set s₀ to {"−1" if kick.wall else "0"} to see it)'

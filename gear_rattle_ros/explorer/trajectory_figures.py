@@ -22,9 +22,10 @@ from bokeh.plotting import figure
 from bokeh.transform import linear_cmap
 import numpy as np
 
-from .axes import formatter, ticker
+from .axes import formatter, si_axis, ticker
 from .trajectory import IMPACTS, PERIODS, Trajectory
 from ..attractors.plane import TWO_PI
+from ..core.gears import Gears
 from ..palette import BLUE, GREY
 
 WIDTH = 636
@@ -35,7 +36,7 @@ HEIGHT = 270
 class TrajectoryFigures:
     """Draws the trajectory from the point that was clicked."""
 
-    def __init__(self) -> None:
+    def __init__(self, gears: Gears | None = None) -> None:
         self._motion = ColumnDataSource(name='motion', data={'t': [], 's': []})
         self._impacts = ColumnDataSource(
             name='impacts', data={'n': [], 'phase': [], 'velocity': []})
@@ -61,6 +62,9 @@ class TrajectoryFigures:
         self.sequence.scatter('n', 'velocity', source=self._impacts, size=2.5, color=age)
         self.sequence.xaxis.axis_label = 'impact n'
         self.sequence.yaxis.axis_label = 'v_n [1]'
+        if gears:
+            self.sequence.add_layout(si_axis(
+                self.sequence.y_range, 1e3 * gears.scales.velocity_m_per_s, '[mm/s]'), 'right')
 
     def show(self, trajectory: Trajectory) -> None:
         self._motion.data = {'t': trajectory.periods, 's': trajectory.displacement}

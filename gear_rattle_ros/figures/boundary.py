@@ -17,14 +17,17 @@
 import math
 from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
 from .style import add_axes, LEFT, Looks, new_figure, write_title
 from ..attractors.plane import Plane
+from ..core.arrays import FloatArray
 from ..core.boundaries.entropy import SMOOTH
 from ..core.boundaries.uncertainty import PROBES
 from ..palette import GREY
+from ..studies.attractors import swept
 from ..studies.boundary import DECIDED, entropies_of, law_of
 
 if TYPE_CHECKING:
@@ -38,6 +41,8 @@ BOTTOM, TALL, WIDE = 76, 430, 540
 def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw how many probes a boundary cuts at any distance, and the entropies of boxes."""
     a = dataset.attrs
+    if 'columns' in a:
+        return _draw_along(dataset, looks)
     figure = new_figure(WIDTH, HEIGHT, looks)
     write_title(figure, LEFT, looks.title or f'Basin boundary, alpha {a["alpha"]:g}, beta '
                 f'{a["beta"]:g}, gamma {a["gamma"]:g}, r {a["restitution"]:g}, '
@@ -80,3 +85,28 @@ def draw_boundary(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     axes.set_ylabel('entropy [1]', fontsize=12)
     axes.legend(frameon=False, fontsize=11, loc='lower right')
     return figure
+
+
+def _draw_along(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
+    axis = swept(dataset.attrs)
+    figure = new_figure(WIDTH, HEIGHT, looks)
+    write_title(figure, LEFT, looks.title or f'Basin boundary against {axis}')
+    axes = add_axes(figure, LEFT, BOTTOM, WIDTH - LEFT - 30, TALL)
+    draw_values(axes, dataset[axis].values, *(
+        dataset[name].values for name in ('entropy_boundary', 'entropy_boundary_error')), *(
+        dataset[name].values[:, 0] for name in ('exponent', 'exponent_error')))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel(f'{dataset[axis].attrs["long_name"]}, {axis} [1]', fontsize=12)
+    return figure
+
+
+def draw_values(axes: Axes, places: FloatArray, entropy: FloatArray, entropy_error: FloatArray,
+                exponent: FloatArray, exponent_error: FloatArray) -> None:
+    """Draw the entropy and the exponent of the boundary between basins against a parameter."""
+    for values, errors, mark, colour, words in (
+            (entropy, entropy_error, 'o', 'black', 'boundary basin entropy S_bb'),
+            (exponent, exponent_error, 's', GREY, 'uncertainty exponent')):
+        axes.errorbar(places, values, errors, fmt=f'{mark}-', markersize=3, linewidth=0.9,
+                      color=colour, label=words)
+    axes.set_ylabel('boundary [1]', fontsize=12)
+    axes.legend(frameon=False, fontsize=11)

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import style
+from .boundary import draw_values
 from .style import add_axes, BOTTOM, Looks, new_figure, RIGHT, TOP
 from ..attractors.catalogue import Kind
 from ..core.arrays import FloatArray
@@ -196,15 +197,9 @@ def _draw_kicks(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
 
 
 def _draw_boundary(axes: Axes, dataset: 'xarray.Dataset', looks: Looks) -> None:
-    # The exponent and the entropy of the boundary between basins.
-    places = dataset[swept(dataset.attrs)].values
-    for name, mark, words in (('entropy', 'o', 'boundary basin entropy S_bb'),
-                              ('exponent', 's', 'uncertainty exponent')):
-        values, errors = (dataset[f'boundary_{name}{end}'].values[0] for end in ('', '_error'))
-        axes.errorbar(places, values, errors, fmt=f'{mark}-', markersize=3, linewidth=0.9,
-                      color=GREY if mark == 's' else 'black', label=words)
-    axes.set_ylabel('boundary [1]', fontsize=12)
-    axes.legend(frameon=False, fontsize=11)
+    draw_values(axes, dataset[swept(dataset.attrs)].values, *(
+        dataset[f'boundary_{name}'].values[0] for name in (
+            'entropy', 'entropy_error', 'exponent', 'exponent_error')))
 
 
 def _coloured(dataset: 'xarray.Dataset', sweep: int, looks: Looks

@@ -32,7 +32,7 @@ import numpy.typing as npt
 from . import style
 from .style import add_axes, Looks, new_figure, phase_ticks, thousands
 from ..attractors.letters import numbers_of
-from ..attractors.plane import Plane, SECTION, STROBE
+from ..attractors.plane import IMPACT, ON_WALLS, Plane, STROBE
 from ..core.many.settling import UNSETTLED
 from ..core.words import counted
 from ..palette import ENDS, EXPONENTS, FORGOTTEN, painted, reach
@@ -242,16 +242,17 @@ def _plane(dataset: 'xarray.Dataset', title: str, looks: Looks, grid: npt.NDArra
         for colour, line in (('white', 4.0), ('black', 1.8)):
             axes.add_patch(Rectangle((x0, v0), x1 - x0, v1 - v0, fill=False, edgecolor=colour,
                                      linewidth=line))
-    on_section = plane.kind == SECTION
+    on_walls = plane.kind in ON_WALLS
     if plane.kind == STROBE:
         axes.set_xlabel('initial displacement [1]', fontsize=12)
     else:
-        phase_ticks(axes, plane.window, label=style.PHASE_LABEL if on_section else
+        phase_ticks(axes, plane.window, label=style.PHASE_LABEL if on_walls else
                     'initial drive phase [rad]')
     axes.set_xlim(*plane.window)
-    axes.set_ylabel(style.VELOCITY_LABEL if on_section else 'initial velocity [1]', fontsize=12)
-    if on_section:
-        style.name_walls(axes)
+    axes.set_ylabel('initial velocity [1]' if not on_walls else style.VELOCITY_LABEL
+                    if plane.kind == IMPACT else style.AFTER_LABEL, fontsize=12)
+    if on_walls:
+        style.name_walls(axes, is_after=plane.kind != IMPACT)
     if legend:
         figure.legend(handles=list(legend[:2 * ROWS]), loc='lower center', ncols=2, frameon=False,
                       fontsize=11, borderaxespad=0.1)

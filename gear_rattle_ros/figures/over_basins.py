@@ -28,7 +28,7 @@ import numpy as np
 from . import style
 from .grids import colours_and_names, draw_basins, scatter
 from .style import BOTTOM, legend_mark, Looks
-from ..attractors.plane import Plane, SECTION
+from ..attractors.plane import IMPACT, Plane
 from ..core.orbits.curves import pieces
 from ..core.words import counted
 from ..palette import ENDS, GREY, MARK, STABLE, UNSTABLE
@@ -52,17 +52,13 @@ def over_basins(dataset: 'xarray.Dataset', looks: Looks, strength: float, below:
     return figure, axes
 
 
-def _factors(plane: Plane, dataset: 'xarray.Dataset') -> tuple[float, ...]:
-    """Return the velocities at which impacts are on a plane, in units of that before them."""
-    return (1.0,) if plane.kind == SECTION else (1.0, -dataset.attrs['restitution'])
-
-
 def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the basins pale and the impacts of unstable orbits over them, before and after."""
     figure, axes = over_basins(dataset, looks, 0.4)
     owner, wall, phase, velocity = (dataset[f'cycle_point_{name}'].values for name in (
         'number', 'wall', 'phase', 'velocity'))
     plane = Plane.of(dataset.attrs)
+    factors = plane.factors(dataset.attrs['restitution'])
     here = (plane.holds(wall)
             & ~dataset['cycle_is_stable'].values.astype(np.bool_)[owner])
     impacts = dataset['cycle_impacts'].values[owner]
@@ -72,14 +68,14 @@ def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     for k, q in enumerate(shown.tolist()):
         mine = here & (impacts == q)
         size = SIZES[min(k, len(SIZES) - 1)]
-        for factor, fill in zip(_factors(plane, dataset), (colours[k], 'none'), strict=False):
+        for factor, fill in zip(factors, (colours[k], 'none'), strict=False):
             axes.plot(phase[mine], factor * velocity[mine], 'o', color=colours[k],
                       markerfacecolor=fill, markersize=size, markeredgewidth=0.8, zorder=40 - k,
                       rasterized=True)
         if k < len(SIZES) or k == len(shown) - 1:
             handles.append(Line2D([], [], color=colours[k], marker='o', linestyle='none',
                                   markersize=size, label=counted(q, 'impact')))
-    if plane.kind != SECTION:
+    if len(factors) > 1:
         handles.append(Line2D([], [], color=GREY, marker='o', linestyle='none',
                               markerfacecolor='none', label='just after the impact'))
     axes.legend(handles=handles, loc='best', fontsize=9, framealpha=0.9,
@@ -90,6 +86,7 @@ def draw_orbits(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
 def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the basins pale and the manifolds over them, before and after impacts."""
     a, plane = dataset.attrs, Plane.of(dataset.attrs)
+    factors = plane.factors(a['restitution'])
     figure, axes = over_basins(dataset, looks, 0.35)
     stable, mark = ('#4d4d4d', 'black') if looks.is_paper else (STABLE, MARK)
     curve = {name: dataset[f'curve_{name}'].values
@@ -100,7 +97,7 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
             number for number, side in enumerate(a['sides'].split(', ')) if side.startswith(name)])
         steps = pieces(points[mine], curve['begins'][mine] != 0)
         ends = points[mine & (curve['grazes'] == 1)]
-        for factor in _factors(plane, dataset):
+        for factor in factors:
             axes.add_collection(LineCollection(list(steps * (1.0, factor)), colors=colour,
                                                linewidths=width, rasterized=True))
             axes.plot(ends[:, 0], factor * ends[:, 1], '.', color=colour, markersize=2.5,
@@ -109,16 +106,17 @@ def draw_manifolds(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
                           Line2D([], [], color=stable, label='stable manifold')]
     for kind, words, marker in (('saddle', 'saddle', 'o'), ('crossing', 'first crossing', 'x')):
         here = plane.holds(dataset[f'{kind}_wall'].values)
-        axes.plot(*(dataset[f'{kind}_{axis}'].values[here] for axis in ('phase', 'velocity')),
-                  marker, color=mark, markersize=7.0, markeredgewidth=2.0, zorder=4)
+        axes.plot(dataset[f'{kind}_phase'].values[here],
+                  factors[0] * dataset[f'{kind}_velocity'].values[here], marker, color=mark,
+                  markersize=7.0, markeredgewidth=2.0, zorder=4)
         handles += [legend_mark(marker, mark, words)] * bool(len(here))
     for number in np.unique(dataset['cell_number'].values).tolist():
         mine = (dataset['cell_number'].values == number) & plane.holds(
             dataset['cell_wall'].values)
         phase = np.unwrap(dataset['cell_phase'].values[mine])
         for turned in (-math.tau, 0.0, math.tau):
-            axes.fill(phase + turned, dataset['cell_velocity'].values[mine], color=mark,
-                      alpha=0.3, linewidth=0.0)
+            axes.fill(phase + turned, factors[0] * dataset['cell_velocity'].values[mine],
+                      color=mark, alpha=0.3, linewidth=0.0)
         handles += [Patch(color=mark, alpha=0.3, label='basin cell')] * (number == 0)
     axes.legend(handles=[*handles, legend_mark('.', GREY, 'end at a grazing')], loc='upper right',
                 fontsize=9, framealpha=0.9)
@@ -129,28 +127,28 @@ def draw_stability(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw the discs round impacts, the largest discs, and the arrows of the smallest kicks."""
     a, erodes = dataset.attrs, 'erosion_share' in dataset
     plane = Plane.of(a)
-    on_section = plane.kind == SECTION
+    has_impacts = plane.kind == IMPACT
     title = looks.title or f'alpha {a["alpha"]:g}: ' + (
-        'smallest kicks (arrows), discs round impacts, largest discs' if on_section else
+        'smallest kicks (arrows), discs round impacts, largest discs' if has_impacts else
         f'largest discs in the basins, {plane.words}')
     figure, axes = over_basins(dataset, dataclasses.replace(looks, title=title), 0.45,
                                erodes * (2 * EROSION + BOTTOM + 20))
     colours, _ = colours_and_names(dataset, looks)
     colours = ENDS | colours
     for k, label in enumerate(dataset['attractor_label'].values.tolist()):
-        if on_section:
+        if has_impacts:
             scatter(axes, dataset, label, colours[label])
         one = {str(name).removeprefix('attractor_'): dataset[name].values[k]
                for name in dataset.data_vars if str(name).startswith('attractor_')}
         for kind, name, line in (('disc', 'radius', ':'), ('displacement', 'size', '-'))[
-                :1 + on_section]:
+                :1 + has_impacts]:
             radius = one[f'{kind}_{name}']
             if math.isfinite(radius) and radius > 0.0:
                 centre = one[f'{kind}_{plane.across}'], one[f'{kind}_velocity']
                 axes.add_patch(Circle(centre, radius,
                                       fill=False, linestyle=line, linewidth=1.2,
                                       edgecolor='black', zorder=3))
-        if on_section and math.isfinite(one['kick_size']):
+        if has_impacts and math.isfinite(one['kick_size']):
             # In the velocity before the impact that has the same effect.
             scale = -1.0 / a['restitution'] if one['kick_velocity'] and a['restitution'] else 1.0
             axes.annotate('', (one['kick_phase'], one['kick_velocity'] + scale * one[

@@ -28,7 +28,7 @@ import numpy.typing as npt
 from . import style
 from .grids import BAR, ROW, scale, share_of
 from .style import add_axes, Looks, new_figure
-from ..core.arrays import FloatArray
+from ..core.arrays import FloatArray, IntArray
 from ..core.many.survey import CHAOTIC, FLOATING as FLOATS, PERIODIC, RESTING, UNSETTLED
 from ..core.model import Model
 from ..core.words import counted
@@ -39,29 +39,30 @@ if TYPE_CHECKING:
 
 # Greys are chaos here, so what is no orbit of few impacts has pale colours of its own.
 LONG, STICKS, RESTS, BETWEEN, OPEN = '#c4b5a8', '#e6d3a3', '#ffffff', '#cfe6ea', '#f4b8d0'
+# Width of a column of the legend [pixels].
+COLUMN: Final = 245
 # How far a hue fades where an orbit attracts strongly.
 FADED: Final = 0.45
 # Curves by what happens there, and the points at which they meet.
 LINES: Final = {'fold': ('#000000', '-'), 'doubling': ('#000000', ':'), 'pitchfork': (STABLE, '-'),
                 'grazing': (MARK, '-'), 'rest': (GREY, '--')}
-MARKS: Final = {'cusp': '^', 'grazing': 'o', 'doubling': 'D', 'sticking': 's'}
+MARKS: Final = {'crossing': 'x', 'cusp': '^', 'grazing': 'o', 'doubling': 'D', 'sticking': 's'}
 
 
 def draw_plane(dataset: 'xarray.Dataset', looks: Looks) -> Figure:
     """Draw what most initial conditions of every cell settle on."""
-    picture, greys, parts = paint(dataset, looks)
+    first = dataset.isel(slot=0)
+    picture, greys, parts = paint(looks, *(first[name].values for name in (
+        'kind', 'exponent', 'period_impacts')))
     handles: list[Artist] = [
         Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5, label=f'{words}  {share_of(mine)}')
         for words, colour, mine in parts if np.any(mine)]
     return _figure(dataset, looks, picture, ScalarMappable(greys, looks.scale('gray_r')), handles)
 
 
-def paint(dataset: 'xarray.Dataset', looks: Looks
+def paint(looks: Looks, kinds: IntArray, exponents: FloatArray, periods: IntArray
           ) -> tuple[FloatArray, Normalize, list[tuple[str, str, npt.NDArray[np.bool_]]]]:
     """Return red, green and blue of every cell, the greys of chaos, and cells by colour."""
-    first = dataset.isel(slot=0)
-    kinds, exponents, periods = (
-        first[name].values for name in ('kind', 'exponent', 'period_impacts'))
     on_orbit, is_chaos = (kinds == PERIODIC) & np.isfinite(exponents), kinds == CHAOTIC
     strength = np.clip(-exponents / reach(exponents[on_orbit]), 0.0, 1.0)
     greys = Normalize(0.0, reach(exponents[is_chaos]))
@@ -85,7 +86,10 @@ def _figure(dataset: 'xarray.Dataset', looks: Looks, picture: Any, greys: Scalar
     a, lines = dataset.attrs, set(dataset['curve_kind'].values)
     y, x = map(str, dataset['attractors'].dims)
     height, width = (style.scaled(cells) for cells in picture.shape[:2])
-    below = style.BOTTOM + ROW * -(-(len(handles) + len(lines)) // 4)
+    columns = min(4, (style.LEFT + width + BAR) // COLUMN)
+    below = style.BOTTOM + ROW * -(-(len(handles) + len(lines)) // columns)
+    # There is an axis in SI units between.
+    below += style.BESIDE[0] if 'gears' in a else 0
     figure = new_figure(style.LEFT + width + BAR, below + height + style.TOP - 20, looks)
     style.write_title(figure, style.LEFT, looks.title or 'Parameter plane, ' + ', '.join(
         f'{name} {a[name]:g}' for name in Model._fields if name in a))
@@ -96,7 +100,7 @@ def _figure(dataset: 'xarray.Dataset', looks: Looks, picture: Any, greys: Scalar
     handles += _draw_curves(dataset, axes, x, y)
     for name, set_label in ((x, axes.set_xlabel), (y, axes.set_ylabel)):
         set_label(f'{dataset[name].attrs["long_name"]}, {name} [1]', fontsize=12)
-    figure.legend(handles=handles, loc='lower center', ncols=4, frameon=False, fontsize=11,
+    figure.legend(handles=handles, loc='lower center', ncols=columns, frameon=False, fontsize=11,
                   borderaxespad=0.1)
     scale(figure, greys, 'largest exponent of chaos per impact [1]', extend='max')
     return figure

@@ -54,6 +54,7 @@ LEFT, RIGHT, BOTTOM, TOP = 90, 30, 66, 64
 # How far below and left of its axes an axis in SI units is [pixels].
 BESIDE: Final = 52, 78
 VELOCITY_LABEL: Final = "velocity before impact, s' [1]"
+AFTER_LABEL: Final = "velocity after impact, s' [1]"
 PHASE_LABEL: Final = 'drive phase τ mod 2π [rad]'
 
 
@@ -157,10 +158,11 @@ def legend_mark(marker: str, colour: str, label: str) -> Line2D:
     return Line2D([], [], marker=marker, linestyle='none', color=colour, label=label)
 
 
-def name_walls(axes: Axes) -> None:
+def name_walls(axes: Axes, *, is_after: bool = False) -> None:
     """Draw the line between impacts on the two walls, and name both sides."""
     axes.axhline(0.0, color=GREY, linewidth=0.6)
-    for y, wall, side in ((0.985, 'upper', 'top'), (0.015, 'lower', 'bottom')):
+    walls = ('lower', 'upper') if is_after else ('upper', 'lower')
+    for y, wall, side in zip((0.985, 0.015), walls, ('top', 'bottom'), strict=True):
         axes.text(0.01, y, f'{wall} wall', transform=axes.transAxes, va=side, color=GREY)
 
 

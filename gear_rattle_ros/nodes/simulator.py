@@ -38,10 +38,11 @@ from ..core.flight.fingerprint import fingerprint
 from ..core.flight.law import Law
 from ..core.flight.noise import jittered, Noise
 from ..core.flight.simulation import ramp_step, Simulation
+from ..core.gears import Gears
 from ..core.model import EventArray, Model, Parameters, State
 from ..core.words import counted
 from ..gear_pairs import pair_of
-from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, Value
+from ..parameters import BELOW_TWO_PI, guard, SIMULATOR, SPEEDS, Value
 from ..qos import CLOCK, STREAM
 from ..scenes import find_scene, Performance
 
@@ -66,6 +67,7 @@ IDLE = 0.005
 class Simulator(ReportingNode):
     """Advances one trajectory in ticks, and publishes one batch of events a tick."""
 
+    _pair: Gears | None = None
     # Pitch radius of the driven gear in units of that of the driver [1].
     _ratio = 1.0
 
@@ -123,7 +125,7 @@ class Simulator(ReportingNode):
             return values
         for line in pair.warnings():
             self.get_logger().warning(line)
-        self._ratio = pair.driven_radius_m / pair.driver_radius_m
+        self._pair, self._ratio = pair, pair.driven_radius_m / pair.driver_radius_m
         return {**values, **pair.given, **dataclasses.asdict(pair.parameters), 'omega': pair.omega,
                 'backlash_angle': pair.backlash_m / pair.driven_radius_m}
 
@@ -318,7 +320,7 @@ class Simulator(ReportingNode):
 
     def _validate(self, values: dict[str, Value]) -> None:
         if not self._setting:
-            Parameters.of(dataclasses.asdict(self._model) | values)
+            Parameters.of(dataclasses.asdict(self._model) | self._at_speed(values)[1])
             given = {name: values.get(name, self.get_parameter(name).value)
                      for name in ('noise', 'noise_kind')}
             if Law.of_text(str(values.get('control', ''))) is not None and (
@@ -326,6 +328,22 @@ class Simulator(ReportingNode):
                 raise ValueError('control needs an alpha that stays; noise_kind = jitter changes '
                                  'it in every drive period, choose gaussian or uniform')
         self._initial(values)
+
+    def _at_speed(self, values: dict[str, Value]) -> tuple[Gears | None, dict[str, Value]]:
+        """Return the gear pair, and what is asked for with the beta and gamma of a new speed."""
+        pair = self._pair
+        speeds = {name: float(values[name]) for name in SPEEDS if name in values
+                  and values[name] != (getattr(pair, name, None) or 0.0)}
+        if not speeds:
+            return pair, values
+        if pair is None or not speeds.keys() <= pair.given.keys():
+            raise ValueError(f'{next(iter(speeds))} is not what the speed of a gear pair here is '
+                             'given by; begin with gears that have it')
+        if self._clock_output is not None:
+            raise ValueError('with publish_clock the frequency stays, as simulated time is '
+                             'tau/omega')
+        pair = pair.with_parameters(self._model).at(**speeds)
+        return pair, {'beta': pair.parameters.beta, 'gamma': pair.parameters.gamma} | values
 
     def _initial(self, values: Mapping[str, Value]) -> State:
         """Return the initial condition from some parameters and those in force."""
@@ -335,6 +353,7 @@ class Simulator(ReportingNode):
     def _apply(self, values: dict[str, Value]) -> None:
         if self._setting:
             return
+        pair, values = self._at_speed(values)
         before = self._model
         self._model = after = dataclasses.replace(
             before, **{name: float(values[name]) for name in Model._fields if name in values})
@@ -347,6 +366,9 @@ class Simulator(ReportingNode):
                 # What is asked for with new parameters takes the place of what they end.
                 self._control(None)
             self._retune(after)
+        if pair is not self._pair and pair is not None:
+            self._pair, self._omega = pair, pair.omega
+            self._show({'beta': after.beta, 'gamma': after.gamma})
         if after != before:
             self.get_logger().info(_words(after))
         if 'control' in values:

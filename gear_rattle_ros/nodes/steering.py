@@ -29,7 +29,7 @@ from .base.dds_room import avoid_memory
 from .base.errors import UserError
 from .base.process import ended_in_time
 from ..core.words import shown
-from ..parameters import SIMULATOR
+from ..parameters import SIMULATOR, SPEEDS
 from ..places import program
 
 # The numbers that a simulator has; all that can be set is one.
@@ -64,7 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warning = avoid_memory()
         if warning:
             print(f'{name}: {warning}', file=sys.stderr)
-        _steer(name, given.simulator, values, list(values or words or LIVE))
+        # Those of a gear pair are 0 where there is none.
+        usual = [each for each in LIVE if each not in SPEEDS]
+        _steer(name, given.simulator, values, list(values or words or usual))
     except (UserError, ValueError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2

@@ -24,35 +24,29 @@ from sensor_msgs.msg import JointState
 
 from .base.dds_room import bound_backlog
 from .base.event_input import EventInput
-from .base.node import ReportingNode
+from .base.in_si import NodeInSi
 from .base.process import run_node
 from ..core.flight.simulation import Simulation
-from ..core.gears import Gears
 from ..core.model import EventArray, EventKind, Parameters, State
 from ..core.orbits.letters import letter_of, LETTERS
 from ..core.stream.hops import Known
 from ..core.stream.rattle import rattle_of, RunningRattle
 from ..core.stream.report_values import hop_values, transient_values
 from ..core.stream.transients import Regime, TransientDetector, TransientReport
-from ..gear_pairs import pair_of
 from ..messages import diagnostic_array, named_values
-from ..parameters import Value
 from ..qos import LATCHED, STREAM
 
 # What last_impact has of the record of an impact.
 SHOWN: Final = ('velocity', 'velocity_after', 'phase', 'displacement', 'alpha', 'epoch', 'index')
 
 
-class Transients(ReportingNode):
+class Transients(NodeInSi):
     """Feeds the stream to a TransientDetector and publishes every change; and the rattle."""
-
-    _gears: Gears | None = None
 
     def __init__(self, **options: Any) -> None:
         super().__init__('transients', **options)
         self._tolerance = self.number('tolerance')
-        unit = self._gears.scales.velocity_m_per_s if self._gears else 1.0
-        self._rattle = RunningRattle(self.number('rattle_above') / unit)
+        self._rattle = RunningRattle()
         # Compile the kernels before the first batch.
         some = Simulation(Parameters(), State(), noise=0.01).advance(100, 0.0, 400)
         TransientDetector(self._tolerance).update(some)
@@ -76,10 +70,6 @@ class Transients(ReportingNode):
             self, self._detector.guard, self._take, 'the search for an orbit begins again')
         self.get_logger().info('ready')
 
-    def defaults(self, given: Mapping[str, Any]) -> Mapping[str, Value]:
-        self._gears = pair_of(given)
-        return self._gears.given if self._gears else {}
-
     def report(self) -> tuple[str, str, Mapping[str, object]]:
         return self._input.report(
             regime=self._detector.report.describe(), impacts=self._detector.impacts)
@@ -90,7 +80,8 @@ class Transients(ReportingNode):
     def _take(self, events: EventArray) -> None:
         changes = self._detector.update(events)
         if self.number('rattle_rate') > 0.0:
-            self._rattle.update(events)
+            unit = self.gears.scales.velocity_m_per_s if self.gears else 1.0
+            self._rattle.update(events, self.number('rattle_above') / unit)
         # A hole is logged before what follows from it.
         self._input.health.log()
         for change in changes:
@@ -127,7 +118,7 @@ class Transients(ReportingNode):
         now = self._rattle.take()
         if now.duration > 0.0:
             self._rattling.publish(named_values(
-                now.in_si(self._gears.scales) if self._gears else vars(now), self._input.stamp))
+                now.in_si(self.gears.scales) if self.gears else vars(now), self._input.stamp))
 
 
 def _number_of(report: TransientReport) -> float:

@@ -18,11 +18,13 @@ import contextlib
 import dataclasses
 import functools
 import math
+from pathlib import Path as FilePath
 from typing import Any, Final, Unpack
 
 import numpy as np
 
 from . import attractors
+from .attractors import identity_along
 from .basins import compute_basins
 from .saddle import boundary_saddle
 from .work import Arrays, Study, Work, WorkOptions
@@ -30,7 +32,7 @@ from ..attractors.accessible import accessible_orbit
 from ..attractors.catalogue import Catalogue, results_here
 from ..attractors.kicks import smallest_kick
 from ..attractors.listing import named, table
-from ..attractors.plane import Plane, SECTION
+from ..attractors.plane import IMPACT, Plane
 from ..core.arrays import FloatArray, IntArray
 from ..core.boundaries.entropy import (
     basin_entropies,
@@ -46,7 +48,9 @@ from ..core.defaults import BASINS_CAP, HOLD, INITIAL_CONDITIONS, LIFETIMES_CAP,
 from ..core.many.settling import UNSETTLED
 from ..core.model import Parameters
 from ..core.orbits.manifolds import saddle_of
+from ..core.path import Path
 from ..core.words import counted, in_columns
+from ..store.layout import Axis, Layout, Variable
 from ..store.store import Store
 
 NAME: Final = 'boundary'
@@ -79,6 +83,18 @@ SADDLE: Final = {
     'lambda_1': 'its larger Lyapunov exponent per impact'}
 
 
+# A row of a sweep.
+LAWS: Final = {'exponent': 'exponent of the share of probes that are cut',
+               'exponent_error': 'standard error of the exponent'}
+LIMIT: Final = ('mean', 'mean_error', 'boundary', 'boundary_error')
+ROW: Final = {'basins': 'number of basins'} | LAWS | {
+    f'entropy_{name}': f'entropy of basins in the limit of large boxes: {name}'
+    for name in LIMIT} | {
+    'merging': 'least share of a boundary of one basin that has that of each other near',
+    'refinement': 'share of neighbouring cells in different basins between which all basins are '
+    'found'} | {f'saddle_{name}': words for name, words in SADDLE.items()}
+
+
 def labels_of(known: Catalogue, plane: Plane, cap: int, across: FloatArray, velocities: FloatArray
               ) -> IntArray:
     """Label points of a plane."""
@@ -87,23 +103,25 @@ def labels_of(known: Catalogue, plane: Plane, cap: int, across: FloatArray, velo
 
 
 @Study
-def boundary(parameters: Parameters, plane: Plane | None = None, *,
+def boundary(place: Parameters | Path, plane: Plane | None = None, *,
              distances: tuple[float, float] = (1e-9, 1e-1), per_decade: int = 2,
              error: float = 0.03, cap: int = BASINS_CAP, tolerance: float = TOLERANCE,
              initial_conditions: int = INITIAL_CONDITIONS, seed: int = SEED, hold: int = HOLD,
-             **options: Unpack[WorkOptions]) -> Store:
+             columns: int = 14, **options: Unpack[WorkOptions]) -> Store:
     """
     Measure the boundary between basins in a plane.
 
     The dataset has, by `probe` and `distance`, how many random `probes` there were and how many
     of them are `cut`, as their points differ in their labels; the `exponent` of each probe;
     the entropy of basins in boxes and discs of cells, the three tests of Wada, the rates of the
-    saddle on the boundary, and what `basins` has.
+    saddle on the boundary, and what `basins` has. Along a path it has a row of the results alone
+    for each value.
 
     Parameters
     ----------
-    parameters, plane
-        The model, and the window with the cells of the entropy.
+    place, plane
+        The model, or the path along which it changes, and the window with the cells of the
+        entropy.
     distances : tuple of float
         Smallest and largest distance of the probes [1 and rad].
     per_decade : int
@@ -112,21 +130,68 @@ def boundary(parameters: Parameters, plane: Plane | None = None, *,
         Relative error of the share of probes that are cut.
     cap, tolerance, initial_conditions, seed, hold
         As `basins` takes them.
+    columns : int
+        Values on a path, evenly spaced.
 
     """
     sizes = np.append(distances_of(distances, per_decade), ROUNDING)
     if not 0.001 <= error <= 0.3:
         raise ValueError(f'--error {error:g} is not between 0.001 and 0.3')
     work, plane = Work(**options), plane or Plane()
-    store, known = compute_basins(
-        parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
-        initial_conditions=initial_conditions, name=NAME, title=TITLE, error=error,
-        per_decade=per_decade, distances=list(distances))
-    label = functools.partial(labels_of, known, plane, cap)
-    _count(store, plane, label, sizes, error, seed, work)
-    if not store.has_table('saddle_lambda_1'):
-        _write_results(store, plane, label, known, seed, work)
+    asked = {'cap': cap, 'tolerance': tolerance, 'seed': seed, 'hold': hold,
+             'initial_conditions': initial_conditions, 'error': error, 'per_decade': per_decade,
+             'distances': list(distances)}
+    if isinstance(place, Parameters):
+        return _measured(place, plane, sizes, asked, work)
+    store = work.begin(_layout(place, plane, columns, asked))
+    with work.pending(NAME, store, lambda tile: 1) as (pending, finished):
+        work.run(functools.partial(_fill, store.path, place, plane, sizes, asked), pending,
+                 lambda tile, done: finished(tile, 0))
     return store
+
+
+def _measured(parameters: Parameters, plane: Plane, sizes: FloatArray, asked: dict[str, Any],
+              work: Work, is_row: bool = False) -> Store:
+    store, known = compute_basins(parameters, plane, work, name=NAME, title=TITLE, **asked)
+    # A row of a sweep has nothing of what has no boundary.
+    if is_row and len(np.unique(store.read_all('label'))) < 2:
+        return store
+    label = functools.partial(labels_of, known, plane, asked['cap'])
+    _count(store, plane, label, sizes, asked['error'], asked['seed'], work)
+    if not store.has_table('saddle_lambda_1'):
+        _write_results(store, plane, label, known, asked['seed'], work)
+    return store
+
+
+def _layout(path: Path, plane: Plane, columns: int, asked: dict[str, Any]) -> Layout:
+    probes = named('triplet: a point and one on either side; box: the corners of a square', None)
+    return Layout(
+        (Axis(path.name, path.values(columns), named(path.words), 1),
+         Axis('probe', np.array(PROBES), probes)),
+        tuple(Variable(name, (path.name, *(('probe',) if name in LAWS else ())), '<f8',
+                       named(words)) for name, words in ROW.items()),
+        identity_along(NAME, [path], plane, columns=columns, **asked,
+                       size=[plane.phases, plane.velocities]), {'title': TITLE})
+
+
+def _fill(place: FilePath, path: Path, plane: Plane, sizes: FloatArray, asked: dict[str, Any],
+          tile: int) -> None:
+    """Measure the boundary at one value of a path, and store the row."""
+    store = Store(place)
+    one = _measured(path.at(float(store.read_all(path.name)[tile])), plane, sizes, asked,
+                    Work(threads=1, progress=False), True)
+    row: dict[str, Any] = dict.fromkeys(ROW, math.nan) | {
+        name: (math.nan,) * len(PROBES) for name in LAWS} | {
+        'basins': np.count_nonzero(np.unique(one.read_all('label')) != UNSETTLED)}
+    if one.has_table('saddle_lambda_1'):
+        row |= {name: one.read_all(name) for name in (*LAWS, *(f'saddle_{s}' for s in SADDLE))}
+        row |= {name: values[-1] for name in ('merging', 'refinement')
+                if len(values := one.read_all(name))}
+        # The last is that in the limit, where it could be extrapolated.
+        for each in entropies_of(one)[-1:]:
+            row |= {f'entropy_{name}': getattr(each, name) for name in LIMIT}
+    store.write(tile, {name: np.asarray(values)[None] for name, values in row.items()})
+    one.close()
 
 
 def measure(known: Catalogue, plane: Plane, seed: int) -> tuple[float, float, float, float]:
@@ -223,10 +288,8 @@ def _write_results(store: Store, plane: Plane, label: Label, known: Catalogue, s
         rates = boundary_saddle(known, plane, seed=seed)
         saddle = [*rates.exponent, rates.kappa[0], rates.lambda_1[0]]
     columns: tuple[tuple[str, tuple[str, ...], Any, str], ...] = (
-        ('exponent', ('probe',), [getattr(law, 'exponent', math.nan) for law in laws],
-         'exponent of the share of probes that are cut'),
-        ('exponent_error', ('probe',), [getattr(law, 'error', math.nan) for law in laws],
-         'standard error of the exponent'),
+        *((name, ('probe',), [getattr(law, what, math.nan) for law in laws], LAWS[name])
+          for name, what in zip(LAWS, ('exponent', 'error'), strict=True)),
         ('disc', ('value',), [radius, *disc_entropy(grid, radius, DISCS,
                                                     np.random.default_rng(seed))],
          'radius of random discs [cells], mean entropy of those with several labels, its standard '
@@ -257,7 +320,7 @@ def _accessible(known: Catalogue, basins: list[int], cap: int, work: Work) -> di
                 known, each, cap=cap, threads=work.threads), cap)):
             keys[k := basins.index(each.label)] = orbit.key
             shares[k] = follow_unstable(
-                functools.partial(labels_of, known, Plane(kind=SECTION), cap), orbit.points[0],
+                functools.partial(labels_of, known, Plane(kind=IMPACT), cap), orbit.points[0],
                 saddle_of(orbit).unstable, orbit.multipliers[0].real, basins)
     return table('accessible', label=(basins, 'basin from which an orbit is accessible'),
                  key=(keys, 'name of the orbit, empty for none found', None),
@@ -266,6 +329,8 @@ def _accessible(known: Catalogue, basins: list[int], cap: int, work: Work) -> di
 
 def describe(dataset: Arrays) -> str:
     """Put a boundary in words: exponents, entropies, and whether it is one of Wada."""
+    if 'columns' in dataset.attrs:
+        return _describe_rows(dataset)
     labels, numbers = np.unique(dataset['label'].values, return_counts=True)
     cells = dict(zip(labels.tolist(), numbers.tolist(), strict=True))
     if len(cells) < 2:
@@ -312,6 +377,26 @@ def describe(dataset: Arrays) -> str:
             'basins',
             *_wada_by_manifolds(dataset)]
     return attractors.describe(dataset, cells, '\n'.join(lines))
+
+
+def _describe_rows(dataset: Arrays) -> str:
+    axis = attractors.swept(dataset.attrs)
+
+    def measured(values: FloatArray, errors: FloatArray) -> list[str]:
+        return ['-' if math.isnan(value) else f'{value:.4f} +- {error:.4f}'
+                for value, error in zip(values, errors, strict=True)]
+
+    laws = (dataset[name].values.T for name in LAWS)
+    columns = [[f'{value:.9g}' for value in dataset[axis].values],
+               [f'{value:.0f}' for value in dataset['basins'].values],
+               *map(measured, *laws), *(
+        measured(*(dataset[name + end].values for end in ('', '_error')))
+        for name in ('saddle_exponent', 'entropy_mean', 'entropy_boundary')), *(
+        ['-' if math.isnan(value) else f'{100.0 * value:.1f}' for value in dataset[name].values]
+        for name in ('merging', 'refinement'))]
+    return in_columns([
+        f' {axis}', ' basins', ' exponent by triplets', ' by boxes', ' by the saddle', ' S_b',
+        ' S_bb', ' merging [%]', ' refinement [%]'], [*zip(*columns, strict=True)])
 
 
 def _wada_by_manifolds(dataset: Arrays) -> list[str]:

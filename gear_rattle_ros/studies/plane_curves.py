@@ -21,7 +21,6 @@ from typing import Any, Final
 import numpy as np
 
 from .work import Work
-from ..attractors.engine import run_tiles
 from ..attractors.listing import table
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
@@ -30,7 +29,7 @@ from ..core.many.recorded import record_impacts
 from ..core.many.survey import LONGEST, PERIODIC, RECURS
 from ..core.model import Parameters
 from ..core.orbits.branches import follow, Turn
-from ..core.orbits.loci import Locus, trace_locus
+from ..core.orbits.loci import crossings, Locus, Mark, trace_locus
 from ..core.orbits.orbit import Orbit
 from ..core.path import Path
 from ..store.store import Store
@@ -56,26 +55,20 @@ def find_loci(store: Store, windows: Windows, fixed: Parameters, plane: Plane, s
     on_orbit = (kinds == PERIODIC) & np.isfinite(exponents)
     each, numbers = np.unique(types[on_orbit], axis=0, return_counts=True)
     each = each[np.argsort(-numbers, kind='stable')][:count]
-    found: dict[int, list[Locus]] = {}
     axes = {name: store.read_all(name) for name in windows}
-    with work.report('curves', len(each), uneven=True) as progress:
-        def search(number: int) -> list[Locus]:
-            cells = (on_orbit & np.all(types == each[number], axis=-1)).any(axis=2)
-            loci: list[Locus] = []
-            for turn in _turns(_orbits(cells, each[number], axes, fixed, plane, seed), windows):
-                locus = trace_locus(turn, windows, loci)
-                loci += [locus] if locus else []
-            return loci
 
-        def finished(number: int, loci: list[Locus]) -> None:
-            found[number] = loci
-            progress.add(1)
+    def search(kind: Any) -> list[Locus]:
+        cells = (on_orbit & np.all(types == kind, axis=-1)).any(axis=2)
+        loci: list[Locus] = []
+        for turn in _turns(_orbits(cells, kind, axes, fixed, plane, seed), windows):
+            locus = trace_locus(turn, windows, loci)
+            loci += [locus] if locus else []
+        return loci
 
-        run_tiles(search, range(len(each)), finished, threads=work.threads)
-    loci: list[Locus] = []
-    for number in range(len(each)):
-        loci += [one for one in found[number] if not any(other.holds(one) for other in loci)]
-    return loci
+    found: list[Locus] = []
+    for loci in work.each('curves', [*each], search):
+        found += [one for one in loci if not any(other.holds(one) for other in found)]
+    return found
 
 
 def _orbits(cells: Any, kind: Any, axes: Mapping[str, FloatArray], fixed: Parameters,
@@ -123,10 +116,12 @@ def rest_curves(windows: Windows, fixed: Parameters) -> Iterator[FloatArray]:
 
 def curves_table(loci: list[Locus], windows: Windows, fixed: Parameters) -> dict[str, Any]:
     """Return the arrays of all curves, the points at which they change, and rest."""
-    curves = [(one.change.value, one.impacts, one.drive_periods, one.points[:, :2])
-              for one in loci] + [(REST, 0, 0, each) for each in rest_curves(windows, fixed)]
+    curves = [(*one.ring.title, one.points[:, :2]) for one in loci] + [
+        (REST, 0, 0, each) for each in rest_curves(windows, fixed)]
     points = np.concatenate([np.zeros((0, 2)), *(each[3] for each in curves)])
-    marks = [mark for one in loci for mark in one.marks]
+    marks = [(*mark, k, -1) for k, one in enumerate(loci) for mark in one.marks] + [
+        (Mark.CROSSING, *place, k, n) for k, one in enumerate(loci)
+        for n in range(k + 1, len(loci)) for place in crossings(one, loci[n])]
     return table(
         'curve', kind=(np.array([each[0] for each in curves], '<U16'),
                        'what happens to an orbit there; rest: the gear may begin to rest', None),
@@ -140,6 +135,9 @@ def curves_table(loci: list[Locus], windows: Windows, fixed: Parameters) -> dict
         'mark', kind=(np.array([mark.value for mark, *_ in marks], '<U16'),
                       'cusp: two folds end; grazing: the curve ends, and the orbit grazes a wall; '
                       'doubling: a fold of the doubled orbit ends on the curve of the doubling; '
-                      'sticking: a grazing ends, as the gear would stick', None),
-        **{name: (np.array([place[k] for _, *place in marks], np.float64), f'{name} there')
+                      'sticking: a grazing ends, as the gear would stick; crossing: two curves '
+                      'cross', None),
+        curve=([mark[3] for mark in marks], 'number of its curve', None),
+        other=([mark[4] for mark in marks], 'of a crossing, number of the other; -1', None),
+        **{name: (np.array([mark[1 + k] for mark in marks], np.float64), f'{name} there')
            for k, name in enumerate(windows)})

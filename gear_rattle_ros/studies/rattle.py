@@ -17,34 +17,44 @@
 import functools
 import json
 import math
-from typing import Final, NamedTuple, Unpack
+from typing import Any, Final, NamedTuple, Unpack
 
 import numpy as np
 
 from .attractors import identity_of, require_tolerance
 from .motion import follow, state_on
 from .work import Arrays, Study, Work, WorkOptions
-from ..attractors.catalogue import Catalogue, Kind
+from ..attractors.catalogue import Attractor, Catalogue, Kind
 from ..attractors.finding import find_attractors
 from ..attractors.kicks import CAP, REACH, smallest_kick
-from ..attractors.listing import table
+from ..attractors.listing import named, table
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
 from ..core.defaults import SEED, TOLERANCE
 from ..core.flight.elementary import TWO_PI
-from ..core.gears import Gears
+from ..core.gears import Gears, Scales
 from ..core.many.chaotic_sets import SWEEP, THOROUGH
 from ..core.model import EventKind, require_finite
-from ..core.stream.rattle import order_spectrum, Rattle, rattle_of
+from ..core.stream.rattle import order_spectrum, rattle_of
 from ..core.stream.reconstruction import drive_phases
 from ..core.words import in_columns
-from ..store.layout import Layout
-from ..store.store import Store
+from ..store.layout import Axis, Layout, Variable
+from ..store.store import Store, StoreError
 
 NAME: Final = 'rattle'
 # Bands of the spectrum in an order.
 BANDS: Final = 8
-QUIET: Final = (Kind.RESTING, Kind.FLOATING)
+QUIET: Final = (Kind.RESTING.value, Kind.FLOATING.value)
+# Speeds of a run-up that are measured one after another, and then kept.
+BLOCK: Final = 4
+# Columns of the table of motions: words, and unit.
+COLUMNS: Final = {
+    'point': ('point of the run-up', '1'), 'key': ('name of the motion', ''),
+    'kind': ('periodic, chaotic, resting or the like', ''),
+    'share': ('share of the random initial conditions', '1'),
+    'share_error': ('standard error of the share', '1'), 'mode': ('flanks that are hit', ''),
+    'force': ('contact force, rms in a band of orders', 'N', 'order')}
+# Words of the others by how their names begin, and units by how they end.
 WORDS: Final = {
     'rate': 'impacts per second on the flank', 'speed': 'approach speed of impacts',
     'impulse': 'impulse of an impact', 'loss': 'energy that an impact loses',
@@ -55,16 +65,11 @@ UNITS: Final = {'_per_s': '1/s', '_m_per_s': 'm/s', '_n_s': 'N s', '_j': 'J', '_
                 '_w': 'W', '_s': 's'}
 
 
-class _State(NamedTuple):
-    """One motion of a gear pair."""
+class _Motion(NamedTuple):
+    """A motion of a gear pair."""
 
-    key: str
-    kind: str
-    share: float
-    share_error: float
-    rattle: Rattle
-    force: FloatArray  # rms in each band [N]
-    times: FloatArray  # of the impacts [s], and their impulses, on the upper flank positive [N s]
+    row: dict[str, Any]  # of the table of motions, by column
+    times: FloatArray  # of its impacts [s], and their impulses, on the upper flank positive [N s]
     impulses: FloatArray
 
 
@@ -113,55 +118,78 @@ def rattle(pair: Gears, plane: Plane | None = None, *,
         pairs = [pair.at(**{name: float(value)}) for value in np.linspace(*run_up, points)]
         asked = {'run_up': list(run_up), 'points': points}
     work, plane = Work(**options), plane or Plane()
-    store = work.begin(Layout((), (), identity_of(
-        NAME, pair.parameters, plane, gears=json.dumps(pair.given), above=above, orders=orders,
-        periods=periods, initial_conditions=initial_conditions, seed=seed, hold=hold,
-        tolerance=tolerance, **asked), {'title': 'Rattle of a gear pair'}))
-    if not store.pending():
-        return store
-    found: dict[int, tuple[list[_State], float]] = {}
-    with work.report(NAME, len(pairs)) as progress:
-        def finished(number: int, measured: tuple[list[_State], float]) -> None:
-            found[number] = measured
-            progress.add(1)
+    store = work.begin(Layout(
+        (Axis('point', np.arange(len(pairs)), named('point of the run-up', None), BLOCK),),
+        (Variable('point_share', ('point',), '<f8', named(
+            'share of the random initial conditions that rattle')),
+         Variable('point_kick_m_per_s', ('point',), '<f8', named(
+             'smallest kick that starts rattle of a gear at rest: 0 where none rests, inf where '
+             'none was found', 'm/s'))),
+        identity_of(
+            NAME, pair.parameters, plane, gears=json.dumps(pair.given), above=above,
+            orders=orders, periods=periods, initial_conditions=initial_conditions, seed=seed,
+            hold=hold, tolerance=tolerance, **asked),
+        {'title': 'Rattle of a gear pair', 'onset_hz': pair.onset_hz}))
+    try:
+        motions = _read(store)
+    except StoreError:
+        motions = []
+        store.mark(list(range(len(store.tiles))), False)
+        _write_points(store, pairs, orders)
+    points_of = [range(len(pairs))[tile['point']] for tile in store.tiles]
+    # Those of a block that is not marked were its last.
+    open_points = {number for tile in store.pending() for number in points_of[tile]}
+    motions = [one for one in motions if one.row['point'] not in open_points]
+    with work.pending(NAME, store, lambda tile: len(points_of[tile])) as (pending, finished):
+        def measured(tile: int, found: list[tuple[list[_Motion], float]]) -> None:
+            motions.extend(one for some, _ in found for one in some)
+            if motions:
+                _write(store, sorted(motions, key=lambda one: int(one.row['point'])))
+            store.write(tile, {'point_share': [
+                sum(one.row['share'] for one in some if one.row['kind'] not in QUIET)
+                for some, _ in found], 'point_kick_m_per_s': [kick for _, kick in found]})
+            finished(tile, 0)
 
         work.run(functools.partial(
-            _measure, pairs, plane, above, orders, periods, initial_conditions, seed, hold,
-            tolerance), list(range(len(pairs))), finished)
-    _write(store, pairs, [found[number] for number in range(len(pairs))], orders)
-    store.set_attributes({'onset_hz': pair.onset_hz})
-    store.mark(0)
+            _measure, pairs, points_of, plane, above, orders, periods, initial_conditions, seed,
+            hold, tolerance), pending, measured)
+    if not motions:
+        raise ValueError(f'no motion settles within {hold} impacts; give a larger --hold')
     return store
 
 
-def _measure(pairs: list[Gears], plane: Plane, above: float, orders: int, periods: int,
-             initial_conditions: int, seed: int, hold: int, tolerance: float, number: int
-             ) -> tuple[list[_State], float]:
-    """Measure every motion of one gear pair; and find the smallest kick that starts rattle."""
-    gears = pairs[number]
-    parameters, scales = gears.parameters, gears.scales
-    catalogue = find_attractors(
-        parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
-        hold=hold, effort=THOROUGH if len(pairs) == 1 else SWEEP, threads=1)
-    states = []
-    for each in catalogue.attractors:
-        if not each.settled:
-            continue
-        # A periodic motion is known from one period.
-        events = follow(parameters, state_on(each, catalogue)[0], each.impacts,
-                        each.drive_periods or periods, True)
-        total = each.drive_periods or periods
-        lines = np.arange(total * orders + 1)
-        power = np.abs(order_spectrum(events, lines / total))**2 * np.where(lines, 2.0, 1.0)
-        bands = np.bincount(np.rint(lines * BANDS / total).astype(np.int64), power)
-        is_hit = events['kind'] <= EventKind.STICK
-        hits, taus = events[is_hit], drive_phases(events)[is_hit] + TWO_PI * total
-        states.append(_State(
-            each.key, each.kind.value, each.share, each.share_error,
-            rattle_of(events, above / scales.velocity_m_per_s), np.sqrt(bands) * scales.force_n,
-            taus * scales.time_s,
-            (hits['velocity'] - hits['velocity_after']) * scales.impulse_n_s))
-    return states, _kick(catalogue) * scales.velocity_m_per_s
+def _measure(pairs: list[Gears], points_of: list[range], plane: Plane, above: float, orders: int,
+             periods: int, initial_conditions: int, seed: int, hold: int, tolerance: float,
+             tile: int) -> list[tuple[list[_Motion], float]]:
+    """Measure the motions of some gear pairs, and the smallest kick that starts rattle."""
+    found = []
+    for number in points_of[tile]:
+        parameters, scales = pairs[number].parameters, pairs[number].scales
+        catalogue = find_attractors(
+            parameters, plane.draw(parameters, initial_conditions, seed), tolerance=tolerance,
+            hold=hold, effort=THOROUGH if len(pairs) == 1 else SWEEP, threads=1)
+        motions = [_motion(number, each, catalogue, scales, above, orders, periods)
+                   for each in catalogue.attractors if each.settled]
+        found.append((motions, _kick(catalogue) * scales.velocity_m_per_s))
+    return found
+
+
+def _motion(number: int, each: Attractor, catalogue: Catalogue, scales: Scales, above: float,
+            orders: int, periods: int) -> _Motion:
+    # A periodic motion is known from one period.
+    total = each.drive_periods or periods
+    events = follow(catalogue.parameters, state_on(each, catalogue)[0], each.impacts, total, True)
+    lines = np.arange(total * orders + 1)
+    power = np.abs(order_spectrum(events, lines / total))**2 * np.where(lines, 2.0, 1.0)
+    bands = np.bincount(np.rint(lines * BANDS / total).astype(np.int64), power)
+    is_hit = events['kind'] <= EventKind.STICK
+    hits, taus = events[is_hit], drive_phases(events)[is_hit] + TWO_PI * total
+    measured = rattle_of(events, above / scales.velocity_m_per_s)
+    return _Motion({
+        'point': number, 'key': each.key, 'kind': each.kind.value, 'share': each.share,
+        'share_error': each.share_error, 'mode': measured.mode,
+        'force': np.sqrt(bands) * scales.force_n, **measured.in_si(scales)},
+        taus * scales.time_s, (hits['velocity'] - hits['velocity_after']) * scales.impulse_n_s)
 
 
 def _kick(catalogue: Catalogue) -> float:
@@ -173,14 +201,8 @@ def _kick(catalogue: Catalogue) -> float:
     return min((kick.size for kick in kicks if kick), default=math.inf)
 
 
-def _write(store: Store, pairs: list[Gears], found: list[tuple[list[_State], float]],
-           orders: int) -> None:
-    rows = [(number, one) for number, (states, _) in enumerate(found) for one in states]
+def _write_points(store: Store, pairs: list[Gears], orders: int) -> None:
     models = [pair.parameters for pair in pairs]
-    share = [sum(one.share for one in states if one.kind not in [k.value for k in QUIET])
-             for states, _ in found]
-    measured = [one.rattle.in_si(pairs[number].scales) for number, one in rows]
-    counts = [len(one.times) for _, one in rows]
     store.write_table(table(
         'point',
         frequency_hz=([pair.omega / TWO_PI for pair in pairs], 'frequency of the drive', 'Hz'),
@@ -190,29 +212,34 @@ def _write(store: Store, pairs: list[Gears], found: list[tuple[list[_State], flo
         lift=([p.alpha * math.hypot(1.0, p.beta) / abs(p.gamma) if p.gamma else math.inf
                for p in models], 'force of the drive over that of the load: above 1 a gear at '
               'rest is lifted'),
-        share=(share, 'share of the random initial conditions that rattle'),
-        kick_m_per_s=([kick for _, kick in found], 'smallest kick that starts rattle of a gear '
-                      'at rest: 0 where none rests, inf where none was found', 'm/s'),
-    ) | table(
-        'state', point=([number for number, _ in rows], 'point of the run-up'),
-        key=([one.key for _, one in rows], 'name of the motion', ''),
-        kind=([one.kind for _, one in rows], 'periodic, chaotic, resting or the like', ''),
-        share=([one.share for _, one in rows], 'share of the random initial conditions'),
-        share_error=([one.share_error for _, one in rows], 'standard error of the share'),
-        mode=([one.rattle.mode for _, one in rows], 'flanks that are hit', ''),
-        force=(np.array([one.force for _, one in rows]), 'contact force, rms in a band of orders',
-               'N', 'order'),
-        **{name: ([values[name] for values in measured],
-                  f'{WORDS[name.split("_")[0]]}, {name.split("_")[1]}',
-                  next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), '1'))
-           for name in measured[0]},
-    ) | table(
-        'impact', state=(np.repeat(np.arange(len(rows)), counts), 'motion it belongs to'),
-        time_s=(np.concatenate([one.times for _, one in rows]), 'time', 's'),
-        impulse_n_s=(np.concatenate([one.impulses for _, one in rows]),
-                     'impulse, positive on the upper flank', 'N s'),
-    ) | {'order': (('order',), np.arange(orders * BANDS + 1) / BANDS, {
-        'long_name': 'order: frequency over that of the drive', 'units': '1'})})
+    ) | {'order': (('order',), np.arange(orders * BANDS + 1) / BANDS, named(
+        'order: frequency over that of the drive'))})
+
+
+def _write(store: Store, motions: list[_Motion]) -> None:
+    def column(name: str) -> tuple[Any, ...]:
+        words = COLUMNS.get(name) or (
+            f'{WORDS[name.split("_")[0]]}, {name.split("_")[1]}',
+            next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), '1'))
+        return (np.array([one.row[name] for one in motions]), *words)
+
+    store.write_table(table('state', **{name: column(name) for name in motions[0].row}) | table(
+        'impact', state=(np.repeat(np.arange(len(motions)), [len(one.times) for one in motions]),
+                         'motion it belongs to'),
+        time_s=(np.concatenate([one.times for one in motions]), 'time', 's'),
+        impulse_n_s=(np.concatenate([one.impulses for one in motions]),
+                     'impulse, positive on the upper flank', 'N s')))
+
+
+def _read(store: Store) -> list[_Motion]:
+    """Read the motions that are there; StoreError where there are none."""
+    owners, times, impulses = (store.read_all(f'impact_{name}')
+                               for name in ('state', 'time_s', 'impulse_n_s'))
+    columns = {name.removeprefix('state_'): store.read_all(name)
+               for name in store.tables() if name.startswith('state_')}
+    return [_Motion({name: values[k] for name, values in columns.items()},
+                    times[owners == k], impulses[owners == k])
+            for k in range(len(columns['point']))]
 
 
 def describe(dataset: Arrays) -> str:

@@ -34,7 +34,7 @@ from ..attractors.columns import Window
 from ..attractors.finding import find_attractors
 from ..attractors.kicks import impacts_of, Kick, REACH, smallest_displacement, smallest_kick
 from ..attractors.listing import named, table
-from ..attractors.plane import Plane, SECTION
+from ..attractors.plane import IMPACT, ON_WALLS, Plane
 from ..core.arrays import FloatArray, IntArray
 from ..core.defaults import BASINS_CAP, HOLD, SEED, TOLERANCE
 from ..core.flight.elementary import TWO_PI
@@ -42,7 +42,7 @@ from ..core.flight.lanes import make_initial_conditions
 from ..core.flight.simulation import Simulation
 from ..core.many.recorded import record_impacts
 from ..core.many.settling import RecordArray, UNSETTLED
-from ..core.model import ALPHA_MAXIMUM, Parameters, require_finite, State, Wall
+from ..core.model import Parameters, require_finite, State, Wall
 from ..core.path import Path
 from ..core.words import in_columns
 from ..store.store import Store
@@ -51,7 +51,7 @@ NAME: Final = 'stability'
 TITLE: Final = 'Stability of the attractors of the gear-rattling model'
 # Impacts that are kept at once, to find when trajectories settle.
 ROOM: Final = 1_000_000
-# Moments at which the amplitude jumps, and between two of them on a chaotic attractor the drive
+# Moments at which parameters jump, and between two of them on a chaotic attractor the drive
 # periods, whose fractions are spread evenly.
 MOMENTS: Final = 1000
 BETWEEN: Final = 10.0 + 0.5 * (math.sqrt(5.0) - 1.0)
@@ -66,16 +66,16 @@ KICK: Final = ('size', 'change', 'phase_change', 'wall', 'phase', 'velocity', 't
 @Study
 def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = BASINS_CAP,
               tolerance: float = TOLERANCE, initial_conditions: int = 10_000, seed: int = SEED,
-              hold: int = HOLD, reach: float = REACH, to: float | None = None,
+              hold: int = HOLD, reach: float = REACH, to: Parameters | None = None,
               erosion: Path | None = None, columns: int = 41,
               trajectories: int = 2000, omega: float | None = None, tile: int | None = None,
               **options: Unpack[WorkOptions]) -> Store:
     """
     Find how far the attractors are from being left.
 
-    The dataset has the basins, by default on the section, and of every attractor its share, how
-    soon trajectories settle on it, the smallest kick at an impact and the smallest displacement of
-    an impact that change the attractor, and the largest disc in its basin.
+    The dataset has the basins, by default just before impacts, and of every attractor its share,
+    how soon trajectories settle on it, the smallest kick at an impact and the smallest
+    displacement of an impact that change the attractor, and the largest disc in its basin.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         As `basins` takes them; `cap` is for kicks, too.
     reach : float
         The largest kick that is tried [1].
-    to : float, optional
-        An amplitude to which alpha jumps at a random moment: where trajectories go then.
+    to : Parameters, optional
+        The model after a jump at a random moment: where trajectories go then.
     erosion : Path, optional
         Path through the model, on which shares and smallest kicks are followed.
     columns, trajectories : int
@@ -98,7 +98,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
         require_finite('omega', omega, 1e-9, 1e9)
     asked: dict[str, Any] = {'reach': reach}
     if to is not None:
-        asked['to'] = require_finite('to', to, 0.0, ALPHA_MAXIMUM)
+        asked['to'] = jumps(parameters, to)
     if erosion is not None:
         (low, high), value = erosion.ends, erosion.of(parameters)
         if not (low <= value <= high and erosion.meets(parameters)):
@@ -106,7 +106,7 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
                              f'to {high:g}; widen it')
         asked |= {**attractors.path_attributes('erosion_window', erosion), 'columns': columns,
                   'trajectories': trajectories}
-    work, plane = Work(**options), plane or Plane(phases=200, velocities=200, kind=SECTION)
+    work, plane = Work(**options), plane or Plane(phases=200, velocities=200, kind=IMPACT)
     store, catalogue = basins.compute_basins(
         parameters, plane, work, cap=cap, tolerance=tolerance, seed=seed, hold=hold,
         initial_conditions=initial_conditions, tile=tile, name=NAME, title=TITLE, **asked)
@@ -115,9 +115,8 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
             catalogue, plane.draw(parameters, initial_conditions, seed), work) | _kicks(
             catalogue, reach, cap, work) | _discs(store.read_all('label'), catalogue, plane))
     if to is not None and not store.has_table('attractor_tipped'):
-        target = dataclasses.replace(parameters, alpha=to)
         store.write_table(_tipped(catalogue, find_attractors(
-            target, plane.draw(target, initial_conditions, seed), tolerance=tolerance, hold=hold,
+            to, plane.draw(to, initial_conditions, seed), tolerance=tolerance, hold=hold,
             threads=work.threads), work))
     if erosion and not store.has_table('attractor_left'):
         store.write_table(_erosion(catalogue, Diagram(
@@ -125,6 +124,15 @@ def stability(parameters: Parameters, plane: Plane | None = None, *, cap: int = 
             ('random',)), work))
     store.set_attributes({'omega': omega or 0.0})
     return store
+
+
+def jumps(parameters: Parameters, to: Parameters) -> str:
+    """Put in words where parameters jump; ValueError where none does."""
+    changed = [f'{name} {value:.10g}' for name, value in vars(to).items()
+               if value != getattr(parameters, name)]
+    if not changed:
+        raise ValueError('a jump to the same parameters changes nothing; give others')
+    return ', '.join(changed)
 
 
 def _settling(catalogue: Catalogue, initial: RecordArray, work: Work) -> dict[str, Any]:
@@ -203,7 +211,7 @@ def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, fl
     width, height = ((high - low) / count for (low, high), count in (
         (plane.window, plane.phases), (plane.velocity, plane.velocities)))
     velocities, best = plane.velocity_values(), (0.0, math.nan, math.nan)
-    for half in (velocities >= 0.0, velocities < 0.0) if plane.kind == SECTION else (
+    for half in (velocities >= 0.0, velocities < 0.0) if plane.kind in ON_WALLS else (
             np.isfinite(velocities),):
         rows = np.flatnonzero(half)
         if not len(rows):
@@ -226,7 +234,7 @@ def largest_disc(inside: npt.NDArray[np.bool_], plane: Plane) -> tuple[float, fl
 
 
 def _tipped(catalogue: Catalogue, target: Catalogue, work: Work) -> dict[str, Any]:
-    """Let alpha jump at many moments of each attractor, and find where trajectories settle."""
+    """Let parameters jump at many moments of each attractor; find where trajectories settle."""
     labels = [target.label(make_initial_conditions(target.parameters, *_states_of(
         catalogue.parameters, each).T), threads=work.threads)['label']
         for each in catalogue.attractors]
@@ -237,9 +245,9 @@ def _tipped(catalogue: Catalogue, target: Catalogue, work: Work) -> dict[str, An
     shares = [[np.mean(found == one.label) if len(found) else math.nan for one in reached]
               for found in labels]
     return table('attractor', tipped=(
-        shares, 'share of the moments from which the trajectory settles there when alpha jumps',
+        shares, 'share of the moments from which the trajectory settles there after the jump',
         '1', 'target')) | table(
-            'target', key=([one.key for one in reached], 'attractor at the other amplitude', None),
+            'target', key=([one.key for one in reached], 'attractor after the jump', None),
             letter=([one.letter for one in reached], 'its letter in the paper, empty for none',
                     None))
 
@@ -370,7 +378,7 @@ def describe(dataset: Arrays) -> str:
         f'{one["disc_velocity"][k]:+.3f}'])
     if 'to' in a:
         letters, keys = (dataset[f'target_{name}'].values for name in ('letter', 'key'))
-        add([f'after a jump to alpha {a["to"]:g} [%]',
+        add([f'after a jump to {a["to"]} [%]',
              *(f' {letter or key}' for letter, key in zip(letters, keys, strict=True))],
             lambda k: [f'{100.0 * share:.1f}' for share in dataset['attractor_tipped'].values[k]])
     if 'erosion_window' in a:

@@ -14,11 +14,11 @@
 
 """Every transition of the attractors along paths; what chaos does, by two methods."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import dataclasses
 import itertools
 import math
-from typing import Any, Final, TypeVar, Unpack
+from typing import Any, Final, Unpack
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from .orbit_diagram import compute
 from .tangency import birth_of, Tangency, touch
 from .work import Arrays, Study, Work, WorkOptions
 from ..attractors.columns import Window
-from ..attractors.engine import run_tiles
 from ..attractors.listing import named
 from ..attractors.plane import Plane
 from ..core.arrays import FloatArray
@@ -55,8 +54,6 @@ JOINED: Final = 0.5
 EIGHT: Final = 3
 # What is looked for by a second method.
 OF_CHAOS: Final = ('merging', 'growth', 'crisis', 'interior crisis')
-Item = TypeVar('Item')
-Found = TypeVar('Found')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,22 +125,12 @@ def find_transitions(diagram: Diagram, tolerance: float, hold: int, work: Work
     found = [Transition(e.attractor, e.what, e.value, e.tolerance, e.key, e.end) for e in events]
     found += search.accumulations()
 
-    def each(name: str, items: list[Item], do: Callable[[Item], Found]) -> list[Found]:
-        results: dict[int, Found] = {}
-        with work.report(f'{here}, {name}', len(items), uneven=True) as progress:
-            def finished(number: int, result: Found) -> None:
-                results[number] = result
-                progress.add(1)
-
-            run_tiles(lambda number: do(items[number]), range(len(items)), finished,
-                      threads=work.threads)
-        return [results[number] for number in range(len(items))]
-
-    steps = [pair for run in each('looks at chaos', search.chaos(), search.steps) for pair in run]
-    for some in each('searches for mergings and growth', steps, search.reshapings):
+    steps = [pair for run in work.each(f'{here}, looks at chaos', search.chaos(), search.steps)
+             for pair in run]
+    for some in work.each(f'{here}, searches for mergings and growth', steps, search.reshapings):
         found += some
     found = [one for one in found if not any(_same(one, other) for other in found)]
-    return sorted(each('tangencies', found, _with_tangency),
+    return sorted(work.each(f'{here}, tangencies', found, _with_tangency),
                   key=lambda one: (one.attractor, one.value)), search.letters
 
 

@@ -14,7 +14,7 @@
 
 """How a study runs and where its dataset is kept: the keywords that every study takes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import dataclasses
 import functools
@@ -44,6 +44,7 @@ Dataset: TypeAlias = 'xarray.Dataset'
 Arrays: TypeAlias = 'Store | xarray.Dataset'
 # What every study takes, at the end of its parameters.
 OPTIONS: Final = '\n**options\n    As `Work` explains them.\n'
+Item = TypeVar('Item')
 Result = TypeVar('Result')
 P = ParamSpec('P')
 
@@ -127,6 +128,19 @@ class Work:
             finished: Callable[[int, Result], None]) -> None:
         """Fill tiles on the threads or the cluster, as `run_tiles` does."""
         run_tiles(fill, tiles, finished, cluster=self.cluster, threads=self.threads)
+
+    def each(self, name: str, items: Sequence[Item], do: Callable[[Item], Result]
+             ) -> list[Result]:
+        """Do something with each item, on the threads, and report it; return what comes of it."""
+        results: dict[int, Result] = {}
+        with self.report(name, len(items), uneven=True) as progress:
+            def finished(number: int, result: Result) -> None:
+                results[number] = result
+                progress.add(1)
+
+            run_tiles(lambda number: do(items[number]), range(len(items)), finished,
+                      threads=self.threads)
+        return [results[number] for number in range(len(items))]
 
     @contextlib.contextmanager
     def pending(self, name: str, store: Store, size: Callable[[int], int]

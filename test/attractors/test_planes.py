@@ -67,7 +67,8 @@ def script(time: float, velocity: float) -> float:
 
 def test_the_same_state_has_the_same_label_on_every_plane() -> None:
     """A trajectory from the strobe, where it crosses a displacement, and at its next impact."""
-    strobe, section = Plane(phase=2.0, kind='strobe'), Plane(kind='section')
+    strobe, section, before = (Plane(phase=2.0, kind='strobe'), Plane(kind='section'),
+                               Plane(kind='impact'))
     random, compared = np.random.default_rng(7), np.zeros(2, int)
     while min(compared) < 12:
         s, v = random.uniform((-1.0, -2.0), (0.0, 2.0))
@@ -76,7 +77,10 @@ def test_the_same_state_has_the_same_label_on_every_plane() -> None:
             continue
         events = Simulation(P, State(0, 2.0, s, v)).advance(10, 0.0, 2)
         impact = events[events['kind'] == EventKind.IMPACT][0]
-        assert labels(section, impact['phase'], impact['velocity']) == (label, lifetime)
+        assert labels(before, impact['phase'], impact['velocity']) == (label, lifetime)
+        # Just after it the first impact is over.
+        assert labels(section, impact['phase'], impact['velocity_after']) == (
+            label, lifetime - 1)
         wall = Plane(displacement=impact['displacement'])
         assert labels(wall, impact['phase'], impact['velocity']) == (label, lifetime)
         compared[0] += 1
@@ -90,13 +94,15 @@ def test_the_same_state_has_the_same_label_on_every_plane() -> None:
 
 def test_impacts_lie_on_the_section_and_on_their_wall() -> None:
     walls = np.array([0, 1, 1])
-    for plane, expected in ((Plane(kind='section'), [True] * 3), (Plane(), [True, False, False]),
+    for plane, expected in (*((Plane(kind=kind), [True] * 3) for kind in ('section', 'impact')),
+                            (Plane(), [True, False, False]),
                             (Plane(displacement=-1.0), [False, True, True]),
                             (Plane(displacement=-0.5), [False] * 3),
                             (Plane(kind='strobe'), [False] * 3)):
         assert plane.holds(walls).tolist() == expected
-    initial = Plane(kind='section').at(P, [0.0, 0.0, 0.0], [1.0, -1.0, 0.0])
-    assert initial['displacement'].tolist() == [0.0, -1.0, 0.0]
+    for kind, places in (('section', [-1.0, 0.0, 0.0]), ('impact', [0.0, -1.0, 0.0])):
+        initial = Plane(kind=kind).at(P, [0.0, 0.0, 0.0], [1.0, -1.0, 0.0])
+        assert initial['displacement'].tolist() == places
 
 
 def attractor(time: float, s: float, v: float, settled: int) -> int:
@@ -170,7 +176,7 @@ def test_a_magnified_plane_keeps_its_point_and_its_attributes_describe_it(plane:
 
 
 @pytest.mark.parametrize(('values', 'words'), [
-    ({'kind': 'poincare'}, "'poincare' is not one of section, displacement, strobe"),
+    ({'kind': 'poincare'}, "'poincare' is not one of section, impact, displacement, strobe"),
     ({'kind': 'section', 'displacement': 0.0}, 'leave it out'),
     ({'kind': 'strobe', 'displacement': -0.5}, 'displacement -0.5.*a window, two numbers'),
     ({'kind': 'strobe', 'displacement': (-1.5, 0.0)}, 'displacement = -1.5 is outside'),

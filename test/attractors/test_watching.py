@@ -31,7 +31,7 @@ TWO_ATTRACTORS = Parameters(0.48)
 NO_HINTS = np.zeros((0, 3))
 
 
-def pictures(parameters: Parameters, sizes: tuple[int, ...], *, kind: str = 'section',
+def pictures(parameters: Parameters, sizes: tuple[int, ...], *, kind: str = 'impact',
              cap: int = 2000) -> list[Basins]:
     """Return all pictures of the plane."""
     planes = [Plane(-0.25 if kind == 'displacement' else None, phases=size, velocities=size,
@@ -51,7 +51,7 @@ def followed(state: State) -> tuple[int, int]:
 
 @pytest.mark.parametrize('kind', PLANES)
 def test_initial_conditions_end_where_the_simulation_ends(kind: str) -> None:
-    """A sample of cells, on the section, at one displacement and at one phase."""
+    """A sample of cells, just after and before impacts, at one displacement and at one phase."""
     last = pictures(TWO_ATTRACTORS, (50, 60), kind=kind)[-1]
     periods = [orbit.impacts for orbit in last.catalogue.orbits]
     assert sorted(periods) == [2, 3] and not last.catalogue.late
@@ -60,7 +60,8 @@ def test_initial_conditions_end_where_the_simulation_ends(kind: str) -> None:
     for row, column in np.random.default_rng(3).integers(0, 60, (40, 2)):
         velocity = float(last.plane.velocity_values()[row])
         across = float(last.plane.across_values()[column])
-        state = State(0, *{'section': (across, -1.0 if velocity < 0.0 else 0.0),
+        state = State(0, *{'section': (across, -1.0 if velocity > 0.0 else 0.0),
+                           'impact': (across, -1.0 if velocity < 0.0 else 0.0),
                            'displacement': (across, -0.25), 'strobe': (0.0, across)}[kind],
                       velocity)
         period, lifetime = followed(state)
@@ -107,7 +108,7 @@ def test_a_long_transient_stays_unsettled_without_being_waited_for() -> None:
 def test_work_is_dropped() -> None:
     """The next slice raises."""
     dropped = threading.Event()
-    planes = [Plane(phases=size, velocities=size, kind='section') for size in (50, 400, 800)]
+    planes = [Plane(phases=size, velocities=size, kind='impact') for size in (50, 400, 800)]
     work = watch(glance(TWO_ATTRACTORS, NO_HINTS)[0], planes, cap=20_000,
                  threads=2, is_dropped=dropped.is_set)
     next(work)

@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving, Turn
-from gear_rattle_ros.core.orbits.loci import Mark, trace_locus
+from gear_rattle_ros.core.orbits.loci import crossings, Mark, trace_locus
 from gear_rattle_ros.core.orbits.orbit import close_orbit, Orbit
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.studies.plane_curves import rest_curves
@@ -42,9 +42,10 @@ def closed(beta: float, gamma: float, r: float) -> tuple[float, float, float, fl
         c, gamma + beta * c + v * (1.0 - r) * (1.0 - r * decay) / (integral * (1.0 + r)))
 
 
-def one_impact(parameters: Parameters) -> Orbit:
-    """Return the stable orbit of one impact a period."""
+def one_impact(parameters: Parameters, n: int = 1) -> Orbit:
+    """Return the stable orbit of one impact a period, or at beta = 0 in n periods."""
     v, c, _, _ = closed(parameters.beta, parameters.gamma, parameters.restitution)
+    v, c = n * v, n * c
     orbit = close_orbit(np.array([0]), np.array([[math.acos(c / parameters.alpha), v]]),
                         parameters)
     assert orbit is not None and orbit.is_stable
@@ -67,12 +68,28 @@ def test_curves_of_the_orbit_of_one_impact_are_the_closed_forms(
     orbit = one_impact(Parameters(0.1))
     locus = trace_locus(turns_of(orbit, alpha=(0.01, 0.2))[change],
                         {'alpha': (0.0, 0.5), name: window})
-    assert locus is not None and (locus.impacts, locus.drive_periods) == (1, 1)
+    assert locus is not None and locus.ring.title[1:] == (1, 1)
     assert len(locus.points) > 20 and np.ptp(locus.points[:, 1]) > 0.5 * (window[1] - window[0])
     fixed = {'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9}
     exact = [closed(*(fixed | {name: y}).values())[2 if change is Change.FOLD else 3]
              for y in locus.points[:, 1].tolist()]
     np.testing.assert_allclose(locus.points[:, 0], exact, atol=1e-9, rtol=0.0)
+
+
+def test_curves_of_different_orbits_cross_where_their_closed_forms_do() -> None:
+    """The doubling of one impact a period meets the fold of one in two periods at one r."""
+    gamma, windows = 0.03, {'alpha': (0.005, 0.2), 'restitution': (0.4, 0.95)}
+    one, two = (trace_locus(turns_of(
+        one_impact(Parameters(alpha, 0.0, gamma, 0.8), n), alpha=(0.005, 0.2))[change], windows)
+        for n, alpha, change in ((1, 0.03, Change.DOUBLING), (2, 0.03, Change.FOLD)))
+    assert one is not None and two is not None and two.ring.title[1:] == (1, 2)
+    # 2 k = hypot(k, 2 (1 + r^2)/(1 + r)^2) with k = pi (1 - r)/(1 + r), both times gamma.
+    third = math.sqrt(3.0) * math.pi
+    r = math.sqrt((third - 2.0) / (third + 2.0))
+    exact = 2.0 * math.pi * gamma * (1.0 - r) / (1.0 + r), r
+    for both in ((one, two), (two, one)):
+        (found,) = crossings(*both)
+        assert found == pytest.approx(exact, abs=1e-9)
 
 
 def test_grazings_of_the_orbit_of_one_impact_touch_the_other_wall() -> None:
@@ -119,17 +136,30 @@ def test_the_impact_pair_loses_its_symmetry_where_it_is_known_to() -> None:
     np.testing.assert_allclose(alpha, 1.0 / np.hypot(2.0, math.pi * (1.0 + r) / (1.0 - r)),
                                atol=1e-9, rtol=0.0)
     pitchfork = trace_locus(turns[Change.PITCHFORK], windows, longest=2e-3)
-    assert pitchfork is not None and pitchfork.impacts == 2
+    assert pitchfork is not None and pitchfork.ring.title[1] == 2
     alpha, r, _ = pitchfork.points[np.argsort(pitchfork.points[:, 1])].T
     found = CubicSpline(r, alpha)([0.5, 0.8, 0.9])
     np.testing.assert_allclose(found, [0.3846204847, 0.3458892783, 0.3419009408], atol=2e-9)
+
+
+def test_mirror_images_have_one_curve_without_a_load() -> None:
+    """The two that the pitchfork leaves double on the same curve, which is found once."""
+    path = Path.over(Parameters(0.3, 0.0, 0.0, 0.8), alpha=(0.2, 0.6))
+    turn = turns_of(symmetric(0.2, 0.8), alpha=(0.01, 0.6))[Change.PITCHFORK]
+    windows = {'alpha': (0.2, 0.8), 'restitution': (0.7, 0.9)}
+    doublings = [next(each for each in follow(
+        one, path, 1.0, 0.2, 0.6).turns if each.change is Change.DOUBLING)
+        for one in leaving(path, turn)]
+    assert len(doublings) == 2
+    locus = trace_locus(doublings[0], windows)
+    assert locus is not None and trace_locus(doublings[1], windows, [locus]) is None
 
 
 def test_the_impact_pair_grazes_twice_at_once() -> None:
     """Its symmetric orbit, in closed form, touches a wall between its impacts at every point."""
     turn = turns_of(symmetric(0.3, 0.5), alpha=(0.01, 2.0))[Change.GRAZING]
     locus = trace_locus(turn, {'alpha': (0.01, 2.0), 'restitution': (0.2, 0.9)})
-    assert locus is not None and locus.impacts == 2 and len(locus.points) > 20
+    assert locus is not None and locus.ring.title[1] == 2 and len(locus.points) > 20
     for alpha, r, _ in locus.points.tolist():
         k = math.pi * (1.0 + r) / (1.0 - r)
         tau = math.atan2(2.0, k) - math.acos(1.0 / (alpha * math.hypot(2.0, k)))

@@ -156,19 +156,24 @@ def test_between_the_walls_one_line_says_why_there_is_nothing() -> None:
     assert 'set s₀ to 0 or to −1' in layers[0].words['']
 
 
-def test_the_section_has_all_impacts_and_the_strobe_none() -> None:
-    """Impacts of both walls, before them only; the kick leads to the same state after it."""
+def test_impacts_lie_on_their_planes_and_not_on_the_strobe() -> None:
+    """Before them or after them, of both walls; the kick leads to the same state after it."""
     walls, points = np.array([0, 1]), np.array([[1.0, 0.5], [7.0, -0.25]])
-    before, after = places(View(on='section'), walls, points)
-    assert np.allclose(before, [[1.0, 0.5], [7.0 - 2.0 * math.pi, -0.25]])
-    assert np.isnan(after).all()
+    expected = np.array([[1.0, 0.5], [7.0 - 2.0 * math.pi, -0.25]])
+    before, none = places(View(on='impact'), walls, points)
+    assert np.allclose(before, expected) and np.isnan(none).all()
+    none, after = places(View(on='section'), walls, points)
+    assert np.allclose(after, expected * (1.0, -0.9)) and np.isnan(none).all()
     assert all(np.isnan(each).all() for each in places(View(on='strobe'), walls, points))
     skeleton = Skeleton(Catalogues())
     view = LOWER.view
-    drawn = [list(skeleton.layers(Asked(each, LOWER.point, (KICK,)), lambda: None))[-1].kick
-             for each in (view, View(on='section'))]
+    x, v = LOWER.point
+    drawn = [list(skeleton.layers(Asked(each, point, (KICK,)), lambda: None))[-1].kick
+             for each, point in ((view, (x, v)), (View(on='impact'), (x, v)),
+                                 (View(on='section'), (x, -0.9 * v)))]
     (x, after, _, to), (same, before, _, other) = drawn[0][0], drawn[1][0]
     assert x == same and np.allclose([after, to], -0.9 * np.array([before, other]), atol=1e-6)
+    assert np.allclose(drawn[2], drawn[0], atol=1e-6)
 
 
 def test_what_cannot_be_drawn_is_put_in_words() -> None:

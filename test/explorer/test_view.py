@@ -70,7 +70,7 @@ def test_cells_stay_different_numbers_to_the_very_depth() -> None:
 
 @pytest.mark.parametrize('on', PLANES)
 def test_another_plane_shows_the_same_state(on: str) -> None:
-    """The state of the point stays; on the section it is put on the wall it moves towards."""
+    """The state of the point stays; where all are impacts it is put on the wall of one."""
     for view, point in ((View(displacement=-0.25), (2.0, -0.5)),
                         (View(phase=3.0, on='strobe'), (-0.75, 1.5)),
                         (View(on='section'), (4.0, -1.0))):
@@ -78,8 +78,9 @@ def test_another_plane_shows_the_same_state(on: str) -> None:
         other, there = view.turned(on, before)
         after = other.state(*there)
         assert (other.on, after.phase, after.velocity) == (on, before.phase, before.velocity)
-        assert after.displacement == (before.displacement if on != 'section' else
-                                      -1.0 if before.velocity < 0.0 else 0.0)
+        upper = after.velocity < 0.0 if on == 'section' else after.velocity >= 0.0
+        assert after.displacement == (before.displacement if on not in ('section', 'impact') else
+                                      0.0 if upper else -1.0)
         assert other == other.whole(other.kind)
 
 

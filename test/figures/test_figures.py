@@ -189,6 +189,7 @@ def test_ticks_are_in_pi():
 @pytest.mark.parametrize('plane', [
     Plane(-0.25, (1.0, 4.0), (-1.0, 0.5), 12, 10),
     Plane(None, (1.0, 4.0), (-1.0, 0.5), 12, 10, 'section'),
+    Plane(None, (1.0, 4.0), (-1.0, 0.5), 12, 10, 'impact'),
     Plane((-0.75, -0.5), 2.0, (-1.0, 0.5), 12, 10, 'strobe')], ids=lambda plane: plane.kind)
 def test_a_grid_of_any_plane_has_its_axes(plane):
     """Each cell is drawn where it is, and the label names what is across."""
@@ -198,7 +199,9 @@ def test_a_grid_of_any_plane_has_its_axes(plane):
     assert axes.get_xlim() == plane.window and axes.get_ylim() == plane.velocity
     assert {'phase': 'drive phase', 'displacement': 'initial displacement [1]'}[
         plane.across] in axes.get_xlabel()
-    assert ('before impact' in axes.get_ylabel()) == (plane.kind == 'section')
+    assert axes.get_ylabel().split(',')[0] == {
+        'section': 'velocity after impact', 'impact': 'velocity before impact'}.get(
+            plane.kind, 'initial velocity [1]')
     assert np.array_equal(axes.images[0].get_array(), dataset['exponent'].values)
 
 

@@ -147,7 +147,7 @@ def test_pictures_follow_the_parameters(start: Callable, rclpy_node: Node, spin:
     assert image.header.stamp == stamp_from_nanoseconds(7) and image.header.frame_id == 'section'
     picture, attractors = values_of(state), attractors_of(state)
     assert (picture['velocity_low'], picture['velocity_high']) == ('-2.0', '2.0')
-    assert picture['epoch'] == '0' and picture['plane'] == 'section'
+    assert picture['epoch'] == '0' and picture['plane'] == 'impact'
     assert attractors.keys() == {2, 3}
     pixels, points = pixels_of(image), points_of(cloud)
     for impacts, each in attractors.items():
@@ -254,20 +254,26 @@ def test_a_bad_plane_is_one_line(start: Callable) -> None:
     """Exit status 2, and one line that names the value."""
     basin = start('basin', '--ros-args', '-p', 'plane:=floor')
     assert basin.process.wait(60) == 2
-    assert basin.text() == "basin: plane = 'floor' is not one of section, displacement, strobe\n"
+    assert basin.text() == (
+        "basin: plane = 'floor' is not one of section, impact, displacement, strobe\n")
 
 
-def test_a_picture_of_the_strobe_names_its_axes_and_stays_out_of_the_section() -> None:
-    """The viewer draws basins below the section only where they have its axes."""
-    parameters, plane = Parameters(0.1, 0.0, 0.0, 1.0), Plane(phase=1.5, kind='strobe')
+@pytest.mark.parametrize(('plane', 'shown'), [
+    (Plane(phase=1.5, kind='strobe'), {
+        'plane': 'strobe', 'phase': '1.5', 'displacement_low': '-1.0',
+        'displacement_high': '0.0'}),
+    (Plane(kind='section'), {'plane': 'section', 'phase_low': '0.0'})])
+def test_a_picture_of_another_plane_stays_out_of_the_section(
+        plane: Plane, shown: dict[str, str]) -> None:
+    """The viewer draws basins below impacts only where they have their axes."""
+    parameters = Parameters(0.1, 0.0, 0.0, 1.0)
     settings = Settings((50,), plane, 1.0, 100, 1, 0)
     basins, = watch(glance(parameters, np.zeros((0, 3)))[0], [
         dataclasses.replace(plane, phases=50, velocities=50)], cap=100, threads=1,
         is_dropped=lambda: False)
     picture = picture_of(Wanted(parameters, 1, STAMP, 0.0, False), basins, (), Memory(), settings)
     values = values_of(picture.state)
-    assert [values[name] for name in ('plane', 'phase', 'displacement_low', 'displacement_high')
-            ] == ['strobe', '1.5', '-1.0', '0.0']
+    assert {name: values[name] for name in shown} == shown
     inputs = BasinInput()
     assert [inputs.take(name, part) for name, part in (
         ('basin', picture.image), ('attractors', picture.attractors),
@@ -277,7 +283,7 @@ def test_a_picture_of_the_strobe_names_its_axes_and_stays_out_of_the_section() -
 def test_where_areas_are_preserved_all_is_unsettled_and_explained() -> None:
     """Without a search, and without following anything."""
     parameters = Parameters(0.1, 0.0, 0.0, 1.0)
-    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size, kind='section')
+    planes = [Plane(velocity=(-1.0, 1.0), phases=size, velocities=size, kind='impact')
               for size in (50, 400)]
     settings = Settings((50, 400), planes[0], 1.0, 10_000_000, 1, 0)
     shown = list(watch(glance(parameters, np.zeros((0, 3)))[0], planes, cap=settings.cap,

@@ -16,6 +16,7 @@
 
 from collections.abc import Callable
 import math
+from pathlib import Path
 import re
 from xml.etree import ElementTree
 
@@ -27,12 +28,15 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2
 
+from gear_rattle_ros.core.gears import Gears
+from gear_rattle_ros.core.model import EventKind
 from gear_rattle_ros.messages import events_from_cloud
 from gear_rattle_ros.nodes.base.node import BaseNode
 from gear_rattle_ros.nodes.base.pacing import AcknowledgedPace
 from gear_rattle_ros.nodes.lyapunov import Lyapunov
 from gear_rattle_ros.nodes.simulator import Simulator
 from gear_rattle_ros.nodes.transients import Transients
+from gear_rattle_ros.nodes.viewer.node import Viewer
 from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.qos import check_overrides, OVERRIDABLE, STREAM, STREAM_INPUT
 from gear_rattle_ros.scenes import find_scene
@@ -182,6 +186,53 @@ def test_rattle_is_published_in_the_units_of_the_gear_pair(
             len(speeds) / one['duration_s'])
         begin = end
     for each in (node, simulator):
+        each.destroy_node()
+
+
+def test_the_speed_of_a_gear_pair_changes_live(
+        rclpy_node: Node, spin: Callable, tmp_path: Path) -> None:
+    """The model follows in the same state, what shows SI units, too; others are refused."""
+    pair = {'inertia_kg_m2': 1.4e-3, 'driver_radius_m': 0.04, 'driven_radius_m': 0.05,
+            'backlash_m': 1e-4, 'drag_n_m_s_per_rad': 0.02, 'torque_n_m': 0.05,
+            'drive_rad': 0.0017, 'order': 2.0, 'speed_rpm': 1500.0}
+    given = [Parameter(name, value=value) for name, value in pair.items()]
+    simulator = Simulator(context=rclpy_node.context, parameter_overrides=[
+        *given, Parameter('restitution', value=0.8)])
+    node = Transients(context=rclpy_node.context, parameter_overrides=given)
+    events: list[np.ndarray] = []
+    rclpy_node.create_subscription(PointCloud2, 'impacts', lambda cloud: events.append(
+        events_from_cloud(cloud)), STREAM_INPUT)
+    executor = SingleThreadedExecutor(context=rclpy_node.context)
+    for each in (node, simulator):
+        executor.add_node(each)
+    # What was changed before stays changed, in the units of the gear pair.
+    for name, value in (('alpha', 0.9), ('speed_rpm', 3000)):
+        (answer,) = simulator.set_parameters([Parameter(name, value=value)])
+        assert answer.successful, answer.reason
+    expected = Gears(**pair, restitution=0.8).at(speed_rpm=3000.0)
+
+    def has_followed() -> bool:
+        executor.spin_once(timeout_sec=0.01)
+        return node.gears == expected.at(restitution=0.9) and any(
+            batch['kind'].max() >= EventKind.RETUNE for batch in events)
+
+    spin(has_followed)
+    last = np.concatenate(events)[-1]
+    assert (last['alpha'], last['beta'], last['gamma']) == pytest.approx(
+        (0.9, expected.parameters.beta, expected.parameters.gamma), rel=1e-14)
+    assert simulator.get_parameter('gamma').value == last['gamma']
+    assert simulator._omega == expected.omega
+    for name, value, words in (('frequency_hz', 60.0, 'is not what the speed of a gear pair'),
+                               ('speed_rpm', 1.0, 'gamma = .* is outside')):
+        (answer,) = simulator.set_parameters([Parameter(name, value=value)])
+        assert not answer.successful and re.search(words, answer.reason)
+    viewer = Viewer(context=rclpy_node.context, parameter_overrides=[
+        *given, Parameter('mode', value='none'), Parameter('save', value=str(
+            tmp_path / 'a.rrd'))])
+    viewer._take(np.concatenate(events))
+    assert f'velocity 1 is {1e3 * Gears(**pair, restitution=0.8).scales.velocity_m_per_s:.4g} ' \
+        'mm/s, the backlash 100 μm, a drive period 20 ms' in viewer._document()
+    for each in (node, simulator, viewer):
         each.destroy_node()
 
 

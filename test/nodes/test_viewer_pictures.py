@@ -64,7 +64,7 @@ Pixels = np.ndarray
 @pytest.fixture(scope='module')
 def basins() -> Basins:
     """Return the basins at 0.48."""
-    planes = [Plane(velocity=(-1.5, 1.5), phases=size, velocities=size, kind='section')
+    planes = [Plane(velocity=(-1.5, 1.5), phases=size, velocities=size, kind='impact')
               for size in (50, 200)]
     *_, last = watch(glance(Parameters(0.48), np.zeros((0, 3)))[0], planes, cap=5000, threads=2,
                      is_dropped=lambda: False)

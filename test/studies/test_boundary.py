@@ -96,6 +96,27 @@ def test_a_continuation_carries_the_boundary_along(tmp_path, capsys):
     assert 'boundary basin entropy S_bb: at 1 of 2 alphas, 0.5' in said
 
 
+def test_a_sweep_has_the_results_of_each_value(tmp_path, capsys):
+    """To the last digit, along a path of two parameters; it goes on after a stop."""
+    plane, options = Plane(phases=60, velocities=60), QUICK | {
+        'distances': (1e-4, 1e-1), 'per_decade': 1, 'error': 0.3}
+    words = ('--alpha 0.48 0.6 --gamma 0.1 0.11 --columns 2 --size 60 --distances 1e-4 1e-1 '
+             '--per-decade 1 --error 0.3 --initial-conditions 60 --hold 2000 --cap 4000').split()
+    path, picture = tmp_path / 'a.zarr', tmp_path / 'a.png'
+    for _ in range(2):
+        assert main([*words, '--output', str(path), '--picture', str(picture)]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        Store(path).mark(0, False)
+    assert picture.exists() and [line.split()[0] for line in lines[:3]] == ['path', '0', '1']
+    one, rows = boundary(Parameters(0.48), plane, **options), Store(path)
+    for name in ('exponent', 'exponent_error', 'saddle_exponent', 'saddle_kappa'):
+        np.testing.assert_array_equal(rows.read_all(name)[0], one[name].values)
+    assert rows.read_all('entropy_boundary')[0] == one['entropy_boundary'].values[-1]
+    # B has ended at the other end.
+    assert rows.read_all('basins').tolist() == [2.0, 1.0]
+    assert np.isnan(rows.read_all('exponent')[1]).all()
+
+
 def test_where_there_is_no_boundary():
     dataset = boundary(Parameters(alpha=0.48), QUIET, distances=(1e-6, 1e-3), per_decade=1,
                        **QUICK)

@@ -25,6 +25,7 @@ from gear_rattle_ros.cli.rattle import main
 from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.figures.rattle import save_wav
 from gear_rattle_ros.gear_pairs import read_gears
+from gear_rattle_ros.store.store import Store
 
 IDLER = {
     'inertia_kg_m2': 1.4e-3, 'driver_radius_m': 0.04, 'driven_radius_m': 0.05,
@@ -44,6 +45,25 @@ def run_up():
     """Return a run-up over the onset of the idler gear."""
     return rattle(Gears(**IDLER), run_up=(700.0, 900.0), points=5, initial_conditions=40,
                   periods=50, threads=1)
+
+
+def test_a_run_up_goes_on_where_it_was_cut_short(tmp_path, run_up):
+    """To the same bits: a block that is not marked is made anew, what is there stays."""
+    path = tmp_path / 'a.zarr'
+    options = {'run_up': (700.0, 900.0), 'points': 5, 'initial_conditions': 40, 'periods': 50,
+               'threads': 1, 'store': path}
+    rattle(Gears(**IDLER), **options)
+    store = Store(path)
+    assert len(store.tiles) == 2
+    store.mark(1, False)
+    again = rattle(Gears(**IDLER), **options, resume=True)
+    for name in run_up.data_vars:
+        np.testing.assert_array_equal(again[name].values, run_up[name].values, name)
+    # What is damaged is made anew, too.
+    (path / 'state_force' / 'c.0.0').unlink()
+    store.mark(0, False)
+    again = rattle(Gears(**IDLER), **options, resume=True)
+    np.testing.assert_array_equal(again['state_force'].values, run_up['state_force'].values)
 
 
 def test_below_the_threshold_rattle_and_rest_coexist(both):

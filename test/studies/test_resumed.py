@@ -32,16 +32,17 @@ from gear_rattle_ros.cli import (
     orbit_diagram,
     orbits,
     parameter_plane,
+    rattle,
     saddle,
     stability,
     transitions,
 )
-from gear_rattle_ros.places import typed
+from gear_rattle_ros.places import config_folder, typed
 from gear_rattle_ros.store.store import Store, StoreError
 
 MAINS = {'boundary': boundary.main, 'continuation': continuation.main, 'crisis': crisis.main,
          'manifolds': manifolds.main, 'orbit_diagram': orbit_diagram.main, 'orbits': orbits.main,
-         'parameter_plane': parameter_plane.main, 'saddle': saddle.main,
+         'parameter_plane': parameter_plane.main, 'rattle': rattle.main, 'saddle': saddle.main,
          'stability': stability.main, 'transitions': transitions.main}
 # Options, tiles, and what is compared.
 TOOLS = {
@@ -59,6 +60,10 @@ TOOLS = {
                   ('label', 'curve_phase', 'crossing_velocity')),
     'parameter_plane': ('--size 120 --curves 1', 9,
                         ('exponent', 'kind', 'share', 'vertex_alpha', 'mark_gamma')),
+    'rattle': (f'--gears {config_folder("gears") / "example.yaml"} --run-up 600 900 --points 13 '
+               '--initial-conditions 40 --periods 50', 4,
+               ('point_share', 'point_kick_m_per_s', 'state_force', 'state_point', 'impact_state',
+                'impact_time_s')),
     'orbits': ('--impacts 6 --points 4096 --size 200', 16, ('label', 'cycle_point_phase')),
     'transitions': ('--alpha 0.10 0.101 --alpha 0.48 0.54 --columns 8 --trajectories 32 --hold '
                     '1000', 2, ('alpha', 'alpha_error', 'kind', 'ratio')),
@@ -117,7 +122,8 @@ def test_a_cluster_gives_the_same(tmp_path):
     with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host='127.0.0.1',
             dashboard_address='127.0.0.1:0', silence_logs=50) as cluster:
-        for name in ('boundary', 'orbit_diagram', 'continuation', 'crisis', 'parameter_plane'):
+        for name in ('boundary', 'orbit_diagram', 'continuation', 'crisis', 'parameter_plane',
+                     'rattle'):
             options, _, _ = TOOLS[name]
             here, there = (Path(tmp_path / f'{name}-{place}.zarr') for place in ('a', 'b'))
             words = shlex.split(options)

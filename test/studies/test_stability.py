@@ -38,7 +38,7 @@ FOLD = 0.0492189296698
 @pytest.mark.parametrize(('phase', 'turns'), [((0.0, math.tau), True), ((1.0, 4.0), False)])
 def test_the_largest_disc_is_that_of_the_distance_transform(phase, turns):
     """Of scipy, on each side of the wall and around the circle of phases."""
-    plane = Plane(phase=phase, velocity=(-1.0, 1.5), phases=61, velocities=50, kind='section')
+    plane = Plane(phase=phase, velocity=(-1.0, 1.5), phases=61, velocities=50, kind='impact')
     inside = np.random.default_rng(3).random((50, 61)) < 0.97
     steps = 2.5 / 50, (phase[1] - phase[0]) / 61
     found = study.largest_disc(inside, plane)
@@ -69,8 +69,8 @@ def test_settling_times_are_those_of_the_simulator():
 
 @pytest.fixture(scope='module')
 def dataset():
-    return stability(P, Plane(phases=50, velocities=40, kind='section'),
-                     initial_conditions=500, hold=20_000, to=0.52, threads=1)
+    return stability(P, Plane(phases=50, velocities=40, kind='impact'),
+                     initial_conditions=500, hold=20_000, to=Parameters(0.52), threads=1)
 
 
 def test_random_initial_conditions_are_of_the_plane_of_the_grid(dataset):

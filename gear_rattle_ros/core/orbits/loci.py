@@ -14,11 +14,12 @@
 
 """Curves in a plane of two parameters on which periodic orbits fold, double or graze."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
 import enum
+import functools
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from ..compiled import kernel
 from ..flight.closed_form import displace, is_pressed, LEG
 from ..flight.elementary import sine_cosine
 from ..flight.first_impact import search_impact
-from ..model import Model, Parameters
+from ..model import Model
 
 # What an orbit on a curve fulfils: a multiplier is +1, or -1, or an impact has no speed.
 PLUS, MINUS, TOUCHES = range(3)
@@ -56,6 +57,8 @@ SAMPLES: Final = 400
 # Halves of an orbit nearer than this are nearly one [rad, 1], and curves nearer than this are [1].
 ALIKE: Final = 1e-2
 SAME: Final = 3e-4
+# Condition of the equations of two curves beyond which they do not cross.
+PARALLEL: Final = 1e9
 
 
 class Mark(enum.Enum):
@@ -65,22 +68,27 @@ class Mark(enum.Enum):
     GRAZING = 'grazing'  # the curve meets that of a grazing and ends with the orbit
     DOUBLING = 'doubling'  # a fold of the doubled orbit ends on the curve of the doubling
     STICKING = 'sticking'  # a grazing ends, as the gear would stick there
+    CROSSING = 'crossing'  # two curves cross
 
 
 @dataclasses.dataclass(frozen=True)
 class Locus:
     """A curve in the plane of two parameters."""
 
-    change: Change
-    impacts: int  # in one period of the orbit
-    drive_periods: int
-    points: FloatArray  # both parameters [1] and the velocity of the fastest impact, shape (n, 3)
+    ring: 'Ring'
+    solutions: FloatArray  # of its equations, in order
     marks: tuple[tuple[Mark, float, float], ...] = ()
+
+    @functools.cached_property
+    def points(self) -> FloatArray:
+        """Return both parameters and the speed of the fastest impact [1], shape (n, 3)."""
+        # So an orbit and its mirror image have one curve without a load.
+        return np.column_stack([self.solutions[:, -2:],
+                                np.abs(self.solutions[:, 1:-2:3]).max(axis=1)])
 
     def holds(self, other: 'Locus') -> bool:
         """Whether the middle of a curve lies on this one."""
-        if (self.change, self.impacts, self.drive_periods) != (
-                other.change, other.impacts, other.drive_periods) or len(self.points) < 2:
+        if self.ring.title != other.ring.title or len(self.points) < 2:
             return False
         a, way = self.points[:-1], np.diff(self.points, axis=0)
         point = other.points[len(other.points) // 2]
@@ -88,29 +96,40 @@ class Locus:
         return bool(np.min(np.linalg.norm(a + along[:, None] * way - point, axis=1)) < SAME)
 
 
+class Kind(NamedTuple):
+    """What makes a closed sequence of impacts an orbit on a curve."""
+
+    walls: IntArray
+    base: Model  # what the parameters are but for two, numbers x and y
+    x: int
+    y: int
+    # Half of an orbit that is its own mirror image closes in the image of its first impact.
+    is_half: bool
+    test: int
+    place: int  # of the impact without speed
+
+
 @kernel
-def model_at(base: Model, x: int, y: int, at_x: float, at_y: float) -> Model:
-    """Return the numbers of the model with two of them replaced."""
+def model_at(z: FloatArray, kind: Kind) -> Model:
+    """Return the numbers of the model, with two of them from a sequence."""
+    base = kind.base
     numbers = np.array([base.alpha, base.beta, base.gamma, base.restitution])
-    numbers[x], numbers[y] = at_x, at_y
+    numbers[kind.x], numbers[kind.y] = z[-2], z[-1]
     return Model(numbers[0], numbers[1], numbers[2], numbers[3])
 
 
 @kernel
-def residual(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half: bool,
-             test: int, place: int) -> FloatArray:
+def residual(z: FloatArray, kind: Kind) -> FloatArray:
     """Return by how much a closed sequence is no orbit on the curve; zero where it is."""
     # z is phase, velocity before the impact and flight time to the next of each impact, and both
-    # parameters. Flights are not searched for walls, so that all is smooth through a grazing. Half
-    # of an orbit that is its own mirror image closes in the image of its first impact.
-    q = len(walls)
-    model = model_at(base, x, y, z[3 * q], z[3 * q + 1])
+    # parameters. Flights are not searched for walls, so that all is smooth through a grazing.
+    walls, model, q = kind.walls, model_at(z, kind), len(kind.walls)
     found = np.zeros(3 * q + 1)
     a, b, c, d = 1.0, 0.0, 0.0, 1.0
     for k in range(q):
         phase, velocity, time = z[3 * k], z[3 * k + 1], z[3 * k + 2]
         n = (k + 1) % q
-        image = is_half and n == 0
+        image = kind.is_half and n == 0
         sign = -1.0 if image else 1.0
         sine, cosine = sine_cosine(phase)
         moved, after, _, _ = displace(time, sine, cosine, -model.restitution * velocity, model)
@@ -118,40 +137,37 @@ def residual(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_hal
         found[3 * k] = moved + wall - walls[k]
         found[3 * k + 1] = turn_of(phase + time - z[3 * n] - (math.pi if image else 0.0))
         found[3 * k + 2] = after - sign * z[3 * n + 1]
-        if test != TOUCHES:
+        if kind.test != TOUCHES:
             one = derivatives(phase, velocity, time, phase + time, after, model)
             a, b, c, d = (one[0] * a + one[1] * c, one[0] * b + one[1] * d,
                           sign * (one[2] * a + one[3] * c), sign * (one[2] * b + one[3] * d))
-    trace = a + d if test == MINUS else -a - d
-    found[3 * q] = z[3 * place + 1] if test == TOUCHES else 1.0 + trace + (a * d - b * c)
+    trace = a + d if kind.test == MINUS else -a - d
+    found[3 * q] = (z[3 * kind.place + 1] if kind.test == TOUCHES else
+                    1.0 + trace + (a * d - b * c))
     return found
 
 
 @kernel
-def jacobian(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half: bool,
-             test: int, place: int) -> FloatArray:
+def jacobian(z: FloatArray, kind: Kind) -> FloatArray:
     """Differentiate `residual` by central differences: Newton's method needs no more."""
     matrix = np.zeros((len(z) - 1, len(z)))
     for k in range(len(z)):
         beside = z.copy()
         beside[k] = z[k] + DIFFERENCE
-        above = residual(beside, walls, base, x, y, is_half, test, place)
+        above = residual(beside, kind)
         beside[k] = z[k] - DIFFERENCE
-        matrix[:, k] = (above - residual(beside, walls, base, x, y, is_half, test, place)) / (
-            2.0 * DIFFERENCE)
+        matrix[:, k] = (above - residual(beside, kind)) / (2.0 * DIFFERENCE)
     return matrix
 
 
 @kernel
-def is_real(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half: bool,
-            test: int, place: int) -> int:
+def is_real(z: FloatArray, kind: Kind) -> int:
     """Whether the gear goes from impact to impact: 1, 0 if it meets a wall before, -1 sticks."""
-    q = len(walls)
-    model = model_at(base, x, y, z[3 * q], z[3 * q + 1])
-    for k in range(q):
+    walls, model = kind.walls, model_at(z, kind)
+    for k in range(len(walls)):
         phase, velocity, time = z[3 * k], z[3 * k + 1], z[3 * k + 2]
         wall = 1.0 - 2.0 * walls[k]
-        if test == TOUCHES and k == place:
+        if kind.test == TOUCHES and k == kind.place:
             velocity = 0.0
             if is_pressed(-1.0 * walls[k], phase % (2.0 * math.pi), model):
                 return -1
@@ -165,33 +181,31 @@ def is_real(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_half
 
 
 @dataclasses.dataclass(frozen=True)
-class _Ring:
+class Ring:
     """The equations of a curve."""
 
     change: Change
-    walls: IntArray
-    base: Parameters
-    axes: tuple[int, int]
-    is_half: bool
-    test: int
-    place: int
+    kind: Kind
     drive_periods: int
 
     @property
-    def rest(self) -> tuple[IntArray, Model, int, int, bool, int, int]:
-        return (self.walls, self.base.model, *self.axes, self.is_half, self.test, self.place)
+    def title(self) -> tuple[str, int, int]:
+        """Return what happens to the orbit, and its impacts and drive periods."""
+        kind = self.kind
+        impacts = len(kind.walls) * (2 if kind.is_half else 1) - (kind.test == TOUCHES)
+        return self.change.value, impacts, self.drive_periods
 
     def tangent(self, z: FloatArray, ahead: FloatArray | None = None) -> FloatArray:
-        tangent = np.linalg.svd(jacobian(z, *self.rest))[2][-1]
+        tangent = np.linalg.svd(jacobian(z, self.kind))[2][-1]
         return np.asarray(tangent if ahead is None or tangent @ ahead >= 0.0 else -tangent)
 
     def correct(self, z: FloatArray, tangent: FloatArray, reach: float) -> FloatArray | None:
         """Return to the curve at right angles to a tangent; None where it is not near."""
         start, shortest = z, math.inf
         for _ in range(CORRECTIONS):
-            off = residual(z, *self.rest)
+            off = residual(z, self.kind)
             try:
-                change = np.linalg.solve(np.vstack([jacobian(z, *self.rest), tangent]),
+                change = np.linalg.solve(np.vstack([jacobian(z, self.kind), tangent]),
                                          np.append(off, 0.0))
             except np.linalg.LinAlgError:
                 return None
@@ -206,15 +220,12 @@ class _Ring:
 
     def ending(self, z: FloatArray) -> Mark:
         """Return why a curve ends: for its orbit is twice another one, or grazes a wall."""
-        q = len(self.walls)
+        q = len(self.kind.walls)
         apart = z[:-2].reshape(q, 3) - np.roll(z[:-2].reshape(q, 3), q // 2, axis=0)
         apart[:, 0] = turned(apart[:, 0])
-        if q % 2 == 0 and not self.is_half and np.max(np.abs(apart)) < ALIKE:
+        if q % 2 == 0 and not self.kind.is_half and np.max(np.abs(apart)) < ALIKE:
             return Mark.DOUBLING
         return Mark.GRAZING
-
-    def point(self, z: FloatArray) -> FloatArray:
-        return np.array([*z[-2:], np.max(z[1:-2:3] if not self.is_half else np.abs(z[1:-2:3]))])
 
 
 def trace_locus(turn: Turn, windows: Mapping[str, tuple[float, float]],
@@ -229,53 +240,94 @@ def trace_locus(turn: Turn, windows: Mapping[str, tuple[float, float]],
     ring, z = begun
     first = ring.tangent(z)
     z0 = ring.correct(z, first, 10.0 * SLOW)
-    if z0 is None:
-        return None
-    impacts = len(ring.walls) * (2 if ring.is_half else 1) - (ring.test == TOUCHES)
-    found = Locus(ring.change, impacts, ring.drive_periods, ring.point(z0)[None])
-    if is_real(z0, *ring.rest) < 1 or any(one.holds(found) for one in known):
+    if z0 is None or is_real(z0, ring.kind) < 1 or any(
+            one.holds(Locus(ring, z0[None])) for one in known):
         return None
     sides, marks = [], []
     for sign in (-1.0, 1.0):
-        points, some = _follow(ring, z0, sign * ring.tangent(z0, first), limits, longest)
-        sides.append(points)
+        solutions, some = _follow(ring, z0, sign * ring.tangent(z0, first), limits, longest)
+        sides.append(solutions)
         marks += some
-    return dataclasses.replace(found, points=np.array([*sides[0][:0:-1], *sides[1]]),
-                               marks=tuple(marks))
+    return Locus(ring, np.array([*sides[0][:0:-1], *sides[1]]), tuple(marks))
 
 
-def _follow(ring: _Ring, z: FloatArray, tangent: FloatArray,
+def crossings(one: Locus, other: Locus) -> Iterator[tuple[float, float]]:
+    """Find the parameters at which two curves cross."""
+    a, b = one.points[:, :2], other.points[:, :2]
+    apart, ways = b[:-1] - a[:-1, None], (np.diff(a, axis=0)[:, None], np.diff(b, axis=0))
+    with np.errstate(all='ignore'):
+        shares = np.stack([_area(apart, way) for way in ways[::-1]]) / _area(*ways)
+    for places in np.argwhere(((shares >= 0.0) & (shares < 1.0)).all(axis=0)).tolist():
+        begun, reach = [], 0.0
+        for locus, k, share in zip((one, other), places, shares[:, places[0], places[1]],
+                                   strict=True):
+            way = locus.solutions[k + 1] - locus.solutions[k]
+            begun.append(locus.solutions[k] + share * way)
+            reach = max(reach, float(np.linalg.norm(way)))
+        found = _meet((one.ring, other.ring), begun, reach)
+        if found is not None:
+            yield found
+
+
+def _area(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _meet(rings: tuple['Ring', 'Ring'], begun: list[FloatArray], reach: float
+          ) -> tuple[float, float] | None:
+    # Both orbits at once by Newton's method. What touches, or is one curve found twice, does not
+    # cross.
+    first, n = np.concatenate(begun), len(begun[0])
+    z, matrix = first, np.zeros((len(first), len(first)))
+    matrix[-2:, n - 2:n], matrix[-2:, -2:] = np.eye(2), -np.eye(2)
+    for _ in range(CORRECTIONS):
+        (one, a), (other, b) = zip(rings, (z[:n], z[n:]), strict=True)
+        matrix[:n - 1, :n], matrix[n - 1:-2, n:] = (jacobian(a, one.kind),
+                                                    jacobian(b, other.kind))
+        if np.linalg.cond(matrix) > PARALLEL:
+            return None
+        change = np.linalg.solve(matrix, np.concatenate([
+            residual(a, one.kind), residual(b, other.kind), a[-2:] - b[-2:]]))
+        z = z - change
+        if np.max(np.abs(z - first)) > reach:
+            return None
+        if np.max(np.abs(change)) < ROUNDING:
+            return float(z[-2]), float(z[-1])
+    return None
+
+
+def _follow(ring: Ring, z: FloatArray, tangent: FloatArray,
             windows: tuple[tuple[float, float], ...], longest: float
             ) -> tuple[list[FloatArray], list[tuple[Mark, float, float]]]:
     start, step = z, FIRST_STEP
-    points = [ring.point(z)]
+    solutions = [z]
     marks: list[tuple[Mark, float, float]] = []
     for number in range(MOST):
         reached = ring.correct(z + step * tangent, tangent, STRAY * step + ROUNDING)
-        real = 0 if reached is None else is_real(reached, *ring.rest)
+        real = 0 if reached is None else is_real(reached, ring.kind)
         if reached is None or real < 1:
             step *= 0.5
             if step >= SHORTEST_STEP:
                 continue
             mark = Mark.STICKING if real < 0 else ring.ending(z)
-            return points, [*marks, (mark, *z[-2:].tolist())]
+            return solutions, [*marks, (mark, *z[-2:].tolist())]
         following = ring.tangent(reached, tangent)
         if tangent[-2:] @ following[-2:] < 0.0:
             cusp = _cusp(ring, z, tangent, step)
             marks.append((Mark.CUSP, *cusp[-2:].tolist()))
-            points.append(ring.point(cusp))
+            solutions.append(cusp)
         z, tangent = reached, following
-        points.append(ring.point(z))
+        solutions.append(z)
         inside = all(low <= value <= high for value, (low, high) in zip(
             z[-2:], windows, strict=True))
         closed = number > 10 and float(np.linalg.norm(z - start)) < step
         if not inside or closed:
             break
         step = min(1.4 * step, longest)
-    return points, marks
+    return solutions, marks
 
 
-def _cusp(ring: _Ring, z: FloatArray, tangent: FloatArray, step: float) -> FloatArray:
+def _cusp(ring: Ring, z: FloatArray, tangent: FloatArray, step: float) -> FloatArray:
     # Where the parameters turn round.
     low, high, ahead, found = 0.0, step, tangent[-2:], z
     for _ in range(HALVINGS):
@@ -291,7 +343,7 @@ def _cusp(ring: _Ring, z: FloatArray, tangent: FloatArray, step: float) -> Float
     return found
 
 
-def _begin(turn: Turn, names: tuple[str, ...]) -> tuple[_Ring, FloatArray] | None:
+def _begin(turn: Turn, names: tuple[str, ...]) -> tuple[Ring, FloatArray] | None:
     orbit, change = turn.orbit, turn.change
     is_half = 'gamma' not in names and is_own_image(orbit) and change is not Change.GRAZING
     test = {Change.FOLD: PLUS, Change.GRAZING: TOUCHES}.get(change, MINUS)
@@ -310,9 +362,10 @@ def _begin(turn: Turn, names: tuple[str, ...]) -> tuple[_Ring, FloatArray] | Non
     fields = tuple(vars(orbit.parameters))
     x, y = (fields.index(name) for name in names)
     z = np.column_stack([points, times])[:size].ravel()
-    return _Ring(change, np.ascontiguousarray(walls[:size], np.int64), orbit.parameters, (x, y),
-                 is_half, test, place, orbit.drive_periods), np.append(
-                     z, [getattr(orbit.parameters, name) for name in names])
+    kind = Kind(np.ascontiguousarray(walls[:size], np.int64), orbit.parameters.model, x, y,
+                is_half, test, place)
+    return Ring(change, kind, orbit.drive_periods), np.append(
+        z, [getattr(orbit.parameters, name) for name in names])
 
 
 def _nearest(model: Model, walls: IntArray, points: FloatArray, times: FloatArray

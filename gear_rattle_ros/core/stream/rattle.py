@@ -223,20 +223,19 @@ def impulse_train(times: FloatArray, impulses: FloatArray, rate: float, count: i
 class RunningRattle:
     """The rattle of a stream since it was last asked for, however the stream is cut."""
 
-    def __init__(self, above: float = 0.0) -> None:
-        self._above = above
+    def __init__(self) -> None:
         self._guard = StreamGuard()
         self._total = np.zeros(SUMS)
         self._last = np.zeros(1, EVENT)
 
-    def update(self, events: EventArray) -> None:
+    def update(self, events: EventArray, above: float = 0.0) -> None:
         """Take the next batch, an array of EVENT; a hole or a reset begins a new stretch."""
         for piece in self._guard.split(events):
             stretch = piece.events
             if not piece.follows:
                 self._total[:] = 0.0
                 self._last, stretch = stretch[:1].copy(), stretch[1:]
-            measure(self._total, self._last, stretch, self._above)
+            measure(self._total, self._last, stretch, above)
 
     def take(self) -> Rattle:
         """Return the rattle up to the last event, from where the next begins."""

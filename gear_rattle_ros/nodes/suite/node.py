@@ -164,13 +164,16 @@ class Suite:
 
     def _start_nodes(self) -> None:
         pair = self._options.pair.given if self._options.pair else {}
+        of_pair: dict[str, object] = {
+            name: value for name, value in pair.items() if name != 'restitution'}
         own: dict[str, dict[str, object]] = {
             'simulator': pair | {name: getattr(self._options, name) for name in NAMES} | {
                 'wait_for_readers': len(self._readers), 'wait_at_most': 0.0},
-            'transients': {name: value for name, value in pair.items() if name != 'restitution'},
+            'transients': of_pair,
             'recorder': {'output': str(self._folder / 'bag')},
             'control': {'orbit': self._options.hold},
-            'viewer': {'mode': self._options.viewer, 'save': str(self._folder / 'run.rrd')}}
+            'viewer': of_pair | {'mode': self._options.viewer,
+                                 'save': str(self._folder / 'run.rrd')}}
         for name in ('simulator', *self._readers):
             arguments = secured(name, self._ros_arguments) or ['--ros-args']
             self._processes.start(name, [*arguments, *overrides(own.get(name, {}))])

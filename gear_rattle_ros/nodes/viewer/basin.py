@@ -70,8 +70,8 @@ class BasinInput:
             return None
         # Each message belongs to one picture only.
         self._parts = {}
-        # Its axes are not those of the section.
-        if values.get('plane') == 'strobe':
+        # Its axes are not those of the impacts.
+        if values.get('plane') in ('section', 'strobe'):
             return None
         points, colours = points_of(cloud)
         low, high = float(values['velocity_low']), float(values['velocity_high'])

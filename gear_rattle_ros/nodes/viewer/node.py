@@ -31,7 +31,7 @@ from .scene import DRAWN_MOST, INTERVAL, Scene
 from .sinks import add_index, chosen_mode, file_recording, Window
 from ..base.dds_room import bound_backlog
 from ..base.event_input import EventInput
-from ..base.node import ReportingNode
+from ..base.in_si import NodeInSi
 from ..base.process import run_node
 from ..base.services import listen
 from ...core.many.settling import RESTS_UPPER, UNSETTLED
@@ -48,7 +48,7 @@ SHOWN = ('lambda_1', 'lambda_1_error', 'lambda_2', 'lambda_2_error', 'sum', 'exa
          'index')
 
 
-class Viewer(ReportingNode):
+class Viewer(NodeInSi):
     """Collects what comes in and draws the newest of it a few times a second."""
 
     def __init__(self, **options: Any) -> None:
@@ -200,6 +200,12 @@ class Viewer(ReportingNode):
                          f'multiplier {float(values["multiplier"]):.4f}')
         lines.append(f'alpha **{event["alpha"]:g}**, beta {event["beta"]:g}, '
                      f'gamma {event["gamma"]:g}, r {event["restitution"]:g}')
+        if self.gears:
+            time, length, unit, *_ = self.gears.scales
+            lines.append(
+                f'in SI: velocity 1 is {1e3 * unit:.4g} mm/s, the backlash {1e6 * length:.4g} μm, '
+                f'a drive period {2e3 * math.pi * time:.4g} ms; the last impact had '
+                f'{1e3 * abs(event["velocity"]) * unit:.4g} mm/s')
         if self._estimate:
             e = self._estimate
             lines += [f'λ1 = {e["lambda_1"]:.5f} ± {e["lambda_1_error"]:.5f}',
