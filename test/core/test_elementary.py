@@ -141,9 +141,8 @@ def test_kernels_call_no_function_that_a_library_may_round_in_its_own_way() -> N
     """In kernels only what IEEE 754 rounds exactly is called of math and numpy."""
     exact = {'math.sqrt', 'math.floor', 'math.ceil', 'math.copysign', 'math.isfinite',
              'math.isnan', 'math.isinf', 'np.rint', 'np.floor', 'np.signbit', 'np.empty',
-             'np.arange', 'np.zeros', 'np.ones', 'np.full', 'np.float64', 'np.int32', 'np.int64',
-             'np.uint32',
-             'np.uint64',
+             'np.arange', 'np.zeros', 'np.ones', 'np.full', 'np.float32', 'np.float64', 'np.int32',
+             'np.int64', 'np.uint32', 'np.uint64',
              # These copy, count or compare.
              'np.concatenate', 'np.zeros_like', 'np.array', 'np.count_nonzero', 'np.argmax'}
     kernels = 0

@@ -23,7 +23,16 @@ import math
 import numpy as np
 
 from .advancement import HORIZON_MAXIMUM
-from .elementary import arctangent, relaxation, sine_cosine, sine_defect, TWO_PI, TWO_PI_TAIL
+from .elementary import (
+    arctangent,
+    relaxation,
+    sine_cosine,
+    sine_defect,
+    TWO_PI,
+    TWO_PI_TAIL,
+    WHOLE_BITS,
+)
+from .lanes_simd import choose
 from ..arrays import Record, Whole
 from ..compiled import kernel
 from ..model import Model, STICKING_SPEED, Wall
@@ -37,6 +46,8 @@ LEG_PERIODS = 64
 LEG = LEG_PERIODS * TWO_PI
 # Far more than rounding moves a displacement within a leg between the walls [1].
 CLEARANCE = 1e-9
+INVERSE_TWO_PI = 1.0 / TWO_PI
+WHOLE_ZERO = int(np.float64(WHOLE_BITS).view(np.int64))
 # Products below this have lost digits, or all of them [1].
 SMALLEST = 1e-300
 
@@ -97,6 +108,12 @@ def acceleration(sin_p: float, cos_p: float, velocity: float, model: Model) -> f
 
 
 @kernel
+def strikes_at_once(s0: float, v0: float) -> bool:
+    """Whether a flight begins on a wall with a velocity into it."""
+    return (s0 == 0.0 and v0 > 0.0) or (s0 == -1.0 and v0 < 0.0)
+
+
+@kernel
 def departure(sin_p: float, cos_p: float, model: Model) -> float:
     """Return a time [1] in which a gear that leaves a wall from rest surely meets no wall."""
     # The force is away from the wall, or zero but for rounding: the gear leaves by the
@@ -154,22 +171,23 @@ def release_delay(displacement: float, phase: float, model: Model) -> float:
 
 
 @kernel
-def later(phase: float, d: float) -> tuple[int, float]:
+def later(phase: float, d: float) -> tuple[Whole, float]:
     """Return the drive periods passed and the phase [rad] after a time d, to d's rounding."""
     total = phase + d
-    if total < TWO_PI:
-        return 0, total
     part = total - phase
     rounding = (phase - (total - part)) + (d - part)
-    periods = np.floor(total / TWO_PI)
+    # Rounded down, or to one less.
+    periods = ((total * INVERSE_TWO_PI - 0.5) + WHOLE_BITS) - WHOLE_BITS
     rest = (total - periods * TWO_PI) + (rounding - periods * TWO_PI_TAIL)
-    if rest < 0.0:
-        rest += TWO_PI
-        periods -= 1.0
-    if rest >= TWO_PI:
-        rest = max(rest - TWO_PI, 0.0)
-        periods += 1.0
-    return int(periods), rest
+    # Selections rather than branches, for the lanes.
+    early = rest < 0.0
+    periods = choose(early, periods - 1.0, periods)
+    rest = choose(early, rest + TWO_PI, rest)
+    # By rounding the sum may be a whole period.
+    late = rest >= TWO_PI
+    rest = choose(late, rest - TWO_PI, rest)
+    periods = choose(late, periods + 1.0, periods)
+    return np.float64(periods + WHOLE_BITS).view(np.int64) - WHOLE_ZERO, rest
 
 
 @kernel

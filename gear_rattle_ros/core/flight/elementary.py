@@ -23,11 +23,14 @@ import math
 
 import numpy as np
 
+from .lanes_simd import inlined
 from ..arrays import Whole
 from ..compiled import kernel
 
 TWO_PI = 2.0 * math.pi
 HALF_PI = 0.5 * math.pi
+# Added to a number, it leaves the nearest whole one in the last bits.
+WHOLE_BITS = 1.5 * 2.0**52
 # 2 pi minus its nearest double.
 TWO_PI_TAIL = 2.4492935982947064e-16
 # pi/2 in three pieces; the first two have 33 bits, so that a product with k < 2**20 is exact.
@@ -48,6 +51,9 @@ LOG_SERIES = (0.66666666666667344, 0.39999999999414680, 0.28571428742387026, 0.2
 # Beyond this exp(-x) is zero in float64.
 EXP_UNDERFLOW = 746.0
 
+# Where `relaxation` goes from its series to the exponential.
+SERIES_MAXIMUM = 2.0
+
 
 @kernel
 def sine_series(y: float) -> float:
@@ -58,10 +64,17 @@ def sine_series(y: float) -> float:
     ) - (1.0 / 6 + z * (1.0 / 5040 + z * (1.0 / 39916800 + z * (1.0 / 1307674368000))))
 
 
+@inlined
+def signed(x: float, quadrant: Whole) -> float:
+    """Change the sign of a number in the third and fourth quadrant."""
+    return np.int64(np.float64(x).view(np.int64) ^ ((quadrant & 2) << 62)).view(np.float64)
+
+
 @kernel
 def sine_cosine(x: float) -> tuple[float, float]:
     """Return ``sin x`` and ``cos x`` of an angle [rad] with ``|x| < 1e6``."""
-    k = np.rint(x * (2.0 / math.pi))
+    nearest = x * (2.0 / math.pi) + WHOLE_BITS
+    k = nearest - WHOLE_BITS
     r = ((x - k * HALF_PI_1) - k * HALF_PI_2) - k * HALF_PI_3
     y = r * r
     z = y * y
@@ -75,11 +88,10 @@ def sine_cosine(x: float) -> tuple[float, float]:
                 1.0 / 87178291200 + z * (1.0 / 6402373705728000)))))
     )
     # Selections rather than branches: the quadrant cannot be predicted.
-    quadrant = int(k)
+    quadrant = np.float64(nearest).view(np.int64)
     odd = (quadrant & 1) != 0
-    sine_sign = 1.0 - (quadrant & 2)
-    cosine_sign = 1.0 - ((quadrant + 1) & 2)
-    return sine_sign * (cosine if odd else sine), cosine_sign * (sine if odd else cosine)
+    return (signed(cosine if odd else sine, quadrant),
+            signed(sine if odd else cosine, quadrant + 1))
 
 
 @kernel
@@ -180,15 +192,31 @@ def relaxation_series(x: float) -> float:
     )
 
 
+@inlined
+def relax(d: float, beta: float) -> tuple[float, float, float]:
+    """Do as `relaxation` for ``|beta d| < 1``."""
+    x = beta * d
+    second = relaxation_series(x)
+    first = 1.0 - x * second
+    return 1.0 - x * first, d * first, d * d * second
+
+
+@inlined
+def relax_twice(d: float, beta: float) -> tuple[float, float, float]:
+    """Do as `relaxation` for ``|beta d| < 2``: half the time twice."""
+    decay, integral, second = relax(0.5 * d, beta)
+    return decay * decay, integral + decay * integral, 2.0 * second + integral * integral
+
+
 @kernel
 def relaxation(d: float, beta: float) -> tuple[float, float, float]:
     """Return ``E = exp(-beta d)``, ``B = (1 - E)/beta`` and ``C = (d - B)/beta``, for d >= 0."""
     # A flight backwards has a negative beta; x from -700 on.
     x = beta * d
     if abs(x) < 1.0:
-        second = relaxation_series(x)
-        first = 1.0 - x * second
-        return 1.0 - x * first, d * first, d * d * second
+        return relax(d, beta)
+    if abs(x) < SERIES_MAXIMUM:
+        return relax_twice(d, beta)
     decay = exp_minus(x)
     integral = (1.0 - decay) / beta
     return decay, integral, (d - integral) / beta

@@ -25,8 +25,9 @@ import math
 from typing import Final
 
 from .advancement import aim, close_in, is_slow, leap, look_ahead, stop_ahead, stop_behind
-from .closed_form import departure, displace, later, LOWER, NO_WALL, UPPER
+from .closed_form import departure, displace, later, LOWER, NO_WALL, strikes_at_once, UPPER
 from .elementary import arctangent, sine_cosine, TWO_PI
+from .stretches import short_way, Stretches, stretches_of
 from ..compiled import kernel
 from ..model import Model
 
@@ -115,8 +116,8 @@ def bisect_on(d: float, phase: float, s0: float, v0: float,
 
 
 @kernel
-def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
-                  model: Model) -> tuple[float, int, float, int]:
+def search_along(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
+                 model: Model, stretches: Stretches) -> tuple[float, int, float, int]:
     """Go forward in flight from time d to the first impact, or at least to `d_stop`."""
     # In no step can a wall be reached, so no impact is missed. A search that is resumed
     # with its d and `effort` makes the same steps. Returns the time [1], the evaluations so far,
@@ -125,6 +126,11 @@ def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float,
     sin_p, cos_p = sine_cosine(phase)
     if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):
         d = departure(sin_p, cos_p, model)
+    elif d == 0.0 and effort == 0 and stretches.use > 0.0 and not strikes_at_once(s0, v0):
+        effort = 1
+        hits, d, velocity = short_way(phase, sin_p, cos_p, s0, v0, model, stretches)
+        if hits:
+            return d, effort, velocity, UPPER if velocity > 0.0 else LOWER
     while True:
         moved, velocity, sin_now, cos_now = displace(d, sin_p, cos_p, v0, model)
         towards, speed, pull, jerk, ahead, behind, horizon, jerk_bound, snap_bound = look_ahead(
@@ -152,3 +158,10 @@ def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float,
             d += leap(s0, moved, velocity, sin_now, cos_now, model)
         if d >= d_stop:
             return d, effort, velocity, NO_WALL
+
+
+@kernel
+def search_impact(d: float, effort: int, d_stop: float, phase: float, s0: float, v0: float,
+                  model: Model) -> tuple[float, int, float, int]:
+    """Do as `search_along` where the stretches of the parameters are not at hand."""
+    return search_along(d, effort, d_stop, phase, s0, v0, model, stretches_of(model))

@@ -40,12 +40,25 @@ from .closed_form import (
     NO_WALL,
     rebound,
     release_delay,
+    strikes_at_once,
     UPPER,
 )
 from .elementary import sine_cosine, TWO_PI
-from .first_impact import bisect_on
-from .lanes_step import CRAWLING, LANES, step, TILE
+from .first_impact import bisect_on, search_along
+from .lanes_step import (
+    CRAWLING,
+    LANES,
+    resume_slots,
+    SEARCHED,
+    step,
+    step_slots,
+    stretches_in,
+    stride,
+    TILE,
+    VECTOR,
+)
 from .noise import draw
+from .stretches import stretches_of
 from ..arrays import IntArray, Record, RecordArray
 from ..compiled import kernel
 from ..model import Model, Parameters, STICKING_SPEED
@@ -69,6 +82,14 @@ INITIAL: Final = np.dtype([
 IMPACT: Final = np.dtype(
     [('cycle', np.int64), ('phase', np.float64), ('velocity', np.float64)], align=True)
 
+# So many flights that need a search are searched together, by so many steps at once.
+ENOUGH: Final = 6
+STEPS_TOGETHER: Final = 4
+# So many turns are decided together.
+TURNS_TOGETHER: Final = 6
+# Nothing waits longer than so many steps of a tile.
+WAIT: Final = 8
+
 # For `advance` where impacts are only counted.
 NO_IMPACTS: Final[RecordArray] = np.zeros((LANES, 0), IMPACT)
 
@@ -80,6 +101,8 @@ def new_tiles(count: int) -> RecordArray:
     first = -room.ctypes.data % CACHE_LINE
     tiles = room[first:first + count * TILE.itemsize].view(TILE)
     tiles['number'] = EMPTY
+    # No parameters yet.
+    tiles['alpha'] = -1.0
     return tiles
 
 
@@ -117,9 +140,18 @@ def evaluate(tile: Record, i: int) -> None:
 
 
 @kernel
+def look_first_at(tile: Record, i: int) -> None:
+    """Let the flight that begins in a lane take the short way, where that is of use."""
+    tile.search[i] = 0.0 if tile.use[i] > 0.0 else SEARCHED
+
+
+@kernel
 def settle(tile: Record, i: int) -> None:
     """Prepare a lane whose flight begins: the gear may first rest on a wall, or permanently."""
     displacement = tile.displacement[i]
+    look_first_at(tile, i)
+    if strikes_at_once(displacement, tile.velocity[i]):
+        tile.search[i] = SEARCHED
     at_rest = tile.velocity[i] == 0.0 and (displacement == 0.0 or displacement == -1.0)
     # A parked lane keeps its state at the impact, for it may go on with other parameters.
     if at_rest and tile.left[i] > 0.0:
@@ -135,6 +167,7 @@ def settle(tile: Record, i: int) -> None:
         if tile.end[i] == RUNS:
             sine, cosine = sine_cosine(tile.phase[i])
             tile.duration[i] = departure(sine, cosine, model)
+            tile.search[i] = SEARCHED
     evaluate(tile, i)
 
 
@@ -145,7 +178,7 @@ def begin(tile: Record, i: int, cycle: int, phase: float, displacement: float, v
     # The lane parks after `left` impacts, never for inf. A parked lane goes on from its own state.
     tile.cycle[i], tile.phase[i] = cycle, phase
     tile.displacement[i], tile.velocity[i] = displacement, velocity
-    tile.duration[i] = tile.effort[i] = 0.0
+    tile.duration[i] = tile.effort[i] = tile.again[i] = 0.0
     tile.left[i], tile.end[i] = left, RUNS
     settle(tile, i)
 
@@ -158,6 +191,17 @@ def release(tile: Record, i: int) -> None:
 
 
 @kernel
+def prepare(tile: Record, i: int) -> None:
+    """Put the stretches between zeros of the force into a lane whose parameters are new."""
+    (tile.fall[i], tile.fall_sine[i], tile.fall_cosine[i], tile.rise[i], tile.rise_sine[i],
+     tile.rise_cosine[i], tile.low_decay[i], tile.low_integral[i], tile.low_gain[i],
+     tile.low_drift[i], tile.high_decay[i], tile.high_integral[i], tile.high_gain[i],
+     tile.high_drift[i], tile.low_force[i], tile.high_force[i], tile.low_growth[i],
+     tile.high_growth[i], tile.use[i]
+     ) = stretches_of(model_in(tile, i))
+
+
+@kernel
 def refill(tile: Record, initial: RecordArray, following: int, left: float) -> int:
     """Put initial conditions from `following` on into free lanes; return the first left."""
     for i in range(LANES):
@@ -167,8 +211,11 @@ def refill(tile: Record, initial: RecordArray, following: int, left: float) -> i
             continue
         origin = initial[following]
         tile.number[i] = following
-        tile.alpha[i], tile.beta[i] = origin.alpha, origin.beta
-        tile.gamma[i], tile.restitution[i] = origin.gamma, origin.restitution
+        if (origin.alpha != tile.alpha[i] or origin.beta != tile.beta[i]
+                or origin.gamma != tile.gamma[i]):
+            tile.alpha[i], tile.beta[i], tile.gamma[i] = origin.alpha, origin.beta, origin.gamma
+            prepare(tile, i)
+        tile.restitution[i] = origin.restitution
         begin(tile, i, 0, origin.phase, origin.displacement, origin.velocity, left)
         following += 1
     return following
@@ -199,15 +246,33 @@ def floats(tile: Record, i: int) -> bool:
 
 
 @kernel
-def attend(tile: Record, i: int) -> None:
-    """Do for a lane, just after `step`, what the vector loop leaves out."""
+def begin_leg(tile: Record, i: int) -> None:
+    """Go on from the end of a leg."""
+    tile.displacement[i], tile.velocity[i] = displace_leg(
+        tile.cosine[i], tile.displacement[i], tile.velocity[i], model_in(tile, i))
+    tile.cycle[i] += LEG_PERIODS
+    tile.duration[i] = tile.effort[i] = 0.0
+    if floats(tile, i):
+        tile.end[i] = FLOATS
+        tile.left[i] = 0.0
+
+
+@kernel
+def stick(tile: Record, i: int) -> None:
+    """Decide whether the gear of a lane sticks, after an impact that leaves it slow."""
+    tile.velocity[i] = rebound(tile.impact_velocity[i], tile.phase[i], model_in(tile, i), 0.0)
+    settle(tile, i)
+
+
+@kernel
+def attend(tile: Record, i: int) -> bool:
+    """Do for a lane or slot, just after a step of the search, what the vector loop leaves out."""
+    # Returns whether it is at a wall, where the next step ends.
     # These are sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
-            tile.velocity[i] = rebound(
-                tile.impact_velocity[i], tile.phase[i], model_in(tile, i), 0.0)
-            settle(tile, i)
-        return
+            stick(tile, i)
+        return False
     if is_slow(tile.effort[i], tile.duration[i]):
         further, speed, wall, evaluations = bisect_on(
             tile.duration[i], tile.phase[i], tile.displacement[i], tile.velocity[i],
@@ -219,7 +284,7 @@ def attend(tile: Record, i: int) -> None:
             evaluate(tile, i)
             tile.moved[i] = (0.0 if wall == UPPER else -1.0) - tile.displacement[i]
             tile.velocity_now[i] = speed if wall == UPPER else -speed
-            return
+            return True
     elif tile.is_special[i] >= CRAWLING:
         tile.effort[i] += 1.0
         evaluate(tile, i)
@@ -227,14 +292,134 @@ def attend(tile: Record, i: int) -> None:
             tile.displacement[i], tile.moved[i], tile.velocity_now[i], tile.sine_now[i],
             tile.cosine_now[i], model_in(tile, i))
     if tile.duration[i] >= LEG:
-        tile.displacement[i], tile.velocity[i] = displace_leg(
-            tile.cosine[i], tile.displacement[i], tile.velocity[i], model_in(tile, i))
-        tile.cycle[i] += LEG_PERIODS
-        tile.duration[i] = tile.effort[i] = 0.0
-        if floats(tile, i):
-            tile.end[i] = FLOATS
-            tile.left[i] = 0.0
+        begin_leg(tile, i)
     evaluate(tile, i)
+    return False
+
+
+@kernel
+def give(tile: Record, i: int, k: int) -> None:
+    """Take over from lane or slot i what a flight is in lane or slot k."""
+    tile.cycle[k], tile.phase[k] = tile.cycle[i], tile.phase[i]
+    tile.displacement[k], tile.velocity[k] = tile.displacement[i], tile.velocity[i]
+    tile.sine[k], tile.cosine[k] = tile.sine[i], tile.cosine[i]
+    tile.duration[k], tile.effort[k] = tile.duration[i], tile.effort[i]
+    tile.end[k] = tile.end[i]
+
+
+@kernel
+def first_effort(tile: Record, i: int) -> float:
+    """Return the evaluations so far: the short way, where it was tried, is one."""
+    return max(tile.effort[i], tile.search[i] - SEARCHED)
+
+
+@kernel
+def search_together(tile: Record) -> None:
+    """Take the flights that need a search some steps on, side by side in slots."""
+    last = LANES
+    for i in range(LANES):
+        if tile.left[i] > 0.0 and tile.search[i] > 0.0:
+            give(tile, i, last)
+            tile.alpha[last], tile.beta[last] = tile.alpha[i], tile.beta[i]
+            tile.gamma[last], tile.restitution[last] = tile.gamma[i], tile.restitution[i]
+            tile.effort[last] = first_effort(tile, i)
+            tile.left[last] = 1.0
+            tile.lane[last] = i
+            tile.next_displacement[last] = tile.displacement[i]
+            tile.next_velocity[last] = tile.velocity[i]
+            tile.has_hit[last] = tile.is_special[last] = 0
+            last += 1
+    end = last
+    while end % VECTOR != 0:
+        # A parked one.
+        tile.left[end] = tile.duration[end] = tile.effort[end] = 0.0
+        tile.has_hit[end] = tile.is_special[end] = 0
+        end += 1
+    busy = last - LANES
+    special = resume_slots(tile, end)
+    n = 0
+    while True:
+        at_wall = False
+        for k in range(LANES, last):
+            if tile.has_hit[k] != 0:
+                i = tile.lane[k]
+                give(tile, k, i)
+                look_first_at(tile, i)
+                tile.left[i] -= 1.0
+                tile.has_hit[i] = 1
+                tile.impact_velocity[i] = tile.impact_velocity[k]
+                tile.is_special[i] = abs(tile.velocity[i]) < STICKING_SPEED
+                busy -= 1
+            elif special > 0 and tile.is_special[k] != 0 and tile.left[k] > 0.0:
+                at_wall |= attend(tile, k)
+                if tile.left[k] == 0.0 or tile.duration[k] == 0.0:
+                    # A leg: the short way may go on, or nothing.
+                    i = tile.lane[k]
+                    give(tile, k, i)
+                    look_first_at(tile, i)
+                    tile.left[i] = tile.left[i] if tile.left[k] > 0.0 else 0.0
+                    tile.left[k] = 0.0
+                    busy -= 1
+        if busy == 0 or n >= STEPS_TOGETHER and not at_wall:
+            break
+        n += 1
+        special = step_slots(tile, end)
+    for k in range(LANES, last):
+        if tile.left[k] > 0.0:
+            i = tile.lane[k]
+            tile.duration[i], tile.effort[i] = tile.duration[k], tile.effort[k]
+            tile.left[k] = 0.0
+
+
+@kernel
+def search_alone(tile: Record, i: int) -> None:
+    """Take a lane that needs a search to its impact, or through a leg."""
+    d, _, velocity, wall = search_along(
+        tile.duration[i], int(first_effort(tile, i)), LEG, tile.phase[i], tile.displacement[i],
+        tile.velocity[i], model_in(tile, i), stretches_in(tile, i))
+    look_first_at(tile, i)
+    if wall == NO_WALL:
+        begin_leg(tile, i)
+        return
+    periods, tile.phase[i] = later(tile.phase[i], d)
+    tile.cycle[i] += periods
+    tile.displacement[i] = 0.0 if wall == UPPER else -1.0
+    tile.velocity[i] = -tile.restitution[i] * velocity
+    tile.sine[i], tile.cosine[i] = sine_cosine(tile.phase[i])
+    tile.duration[i] = tile.effort[i] = 0.0
+    tile.left[i] -= 1.0
+    tile.has_hit[i] = 1
+    tile.impact_velocity[i] = velocity
+    tile.is_special[i] = abs(tile.velocity[i]) < STICKING_SPEED
+
+
+@kernel
+def move(tile: Record, n: int, enough: int) -> int:
+    """Take lanes to their next impacts, or nearer; return how many need `attend`."""
+    if enough == 0:
+        return step(tile)
+    is_due = n % WAIT == 0
+    special, waiting = stride(tile, 1 if is_due else min(enough, TURNS_TOGETHER))
+    if waiting >= enough:
+        search_together(tile)
+        special = LANES
+    elif waiting > 0 and is_due:
+        for i in range(LANES):
+            if tile.left[i] > 0.0 and tile.search[i] > 0.0:
+                search_alone(tile, i)
+        special = LANES
+    return special
+
+
+@kernel
+def enough_for(tile: Record) -> int:
+    """Return how many flights that wait are to be searched together, 0 if all are searched."""
+    busy = short = 0
+    for i in range(LANES):
+        if tile.left[i] > 0.0:
+            busy += 1
+            short += tile.use[i] > 0.0
+    return min(busy, ENOUGH) if short > 0 else 0
 
 
 @kernel
@@ -248,10 +433,11 @@ def advance(tile: Record, impacts: RecordArray, steps: int) -> None:
         raise ValueError('no room for the impacts')
     row = np.uint64(room)
     flat = impacts.reshape(impacts.size)
+    enough = enough_for(tile)
     for i in range(LANES):
         tile.count[i] = 0
-    for _ in range(steps):
-        special = step(tile)
+    for k in range(steps):
+        special = move(tile, k, enough)
         if room > 0:
             for i in range(LANES):
                 # Written whether there is one or not, which is cheaper than to ask.
@@ -274,10 +460,11 @@ def advance_kicked(tile: Record, impacts: RecordArray, noise: float, kind: int, 
                    made: IntArray) -> None:
     """Do as `advance`, with kicks as `simulation.run` draws them; all lanes have this noise."""
     # The seeds are by initial condition; `made` counts the impacts of each, these included.
+    enough = enough_for(tile)
     for i in range(LANES):
         tile.count[i] = 0
-    for _ in range(impacts.shape[1] - 1):
-        special = step(tile)
+    for k in range(impacts.shape[1] - 1):
+        special = move(tile, k, enough)
         for i in range(LANES):
             if tile.has_hit[i] != 0:
                 n = tile.number[i]
@@ -288,7 +475,7 @@ def advance_kicked(tile: Record, impacts: RecordArray, noise: float, kind: int, 
                 tile.count[i] += 1
                 kick = noise * draw(kind, seeds[n], made[n])
                 if kick != 0.0:
-                    # The flight begins here, and `step` has evaluated all else of it.
+                    # The flight begins here, and all else of it is known.
                     tile.velocity[i] = tile.velocity_now[i] = rebound(
                         impact.velocity, impact.phase, model_in(tile, i), kick)
                     continue

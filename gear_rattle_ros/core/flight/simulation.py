@@ -37,9 +37,10 @@ from .closed_form import (
     UPPER,
 )
 from .elementary import sine_cosine, TWO_PI
-from .first_impact import search_impact
+from .first_impact import search_along
 from .law import correction, LAW, Law, PULSES
 from .noise import draw, JITTER, Noise
+from .stretches import stretches_of
 from ..arrays import Record, RecordArray, Whole
 from ..compiled import kernel
 from ..model import (
@@ -91,6 +92,7 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
     """Follow a trajectory to a moment (cycle, phase [rad]); return how many events it writes."""
     # Fewer than fit into `events` means that the moment was reached.
     t, model = trajectory, model_of(trajectory)
+    stretches = stretches_of(model)
     count = 0
     while count < len(events):
         if t.waits:
@@ -101,6 +103,7 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
             settle(t)
             write_event(events[count], RETUNE, t, t.velocity)
             model = model_of(t)
+            stretches = stretches_of(model)
             count += 1
             continue
         left = elapsed(cycle - t.cycle, t.phase, phase)
@@ -115,9 +118,9 @@ def run(trajectory: Record, events: RecordArray, cycle: int, phase: float) -> in
             count += 1
             continue
         if t.wall == NO_WALL and t.searched < LEG:
-            t.searched, t.effort, t.impact_velocity, t.wall = search_impact(
+            t.searched, t.effort, t.impact_velocity, t.wall = search_along(
                 t.searched, t.effort, min(left, LEG), t.phase, t.displacement, t.velocity,
-                model)
+                model, stretches)
         if t.wall == NO_WALL:
             if t.searched < LEG or left < LEG:
                 break
