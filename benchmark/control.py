@@ -67,8 +67,8 @@ def measure(control: str) -> tuple[float, float, int, float]:
         listener.destroy_node()
     rates = []
     for name, key in (('simulator', 'cycle'), ('lyapunov', 'events')):
-        (t0, first), (t1, last) = ((when, int(values[key])) for when, values in (
-            found[name][-1 - round(SECONDS)], found[name][-1]))
+        (t0, first), *_, (t1, last) = (
+            (when, int(values[key])) for when, values in found[name] if when >= ticks[0][0])
         rates.append((last - first) / (t1 - t0))
     (t0, c0), (t1, c1) = ticks[0], ticks[-1]
     return rates[0], rates[1], int(found['lyapunov'][-1][1]['lost_impacts']), (c1 - c0) / (t1 - t0)
@@ -77,7 +77,7 @@ def measure(control: str) -> tuple[float, float, int, float]:
 def main() -> None:
     """Measure without control, with it, and without once more."""
     rclpy.init()
-    law = Planner().plan(Parameters(alpha=0.57), State(velocity=-1.0), 'B', Acts.DRIVE, 0.01).law
+    law = Planner().plan(Parameters(alpha=0.57), State(velocity=-1.0), 'B', Acts.DRIVE, 0.002).law
     print(f'{"":10} {"periods/s":>10} {"events/s":>10} {"lost":>6} {"core":>7}')
     for name, text in (('without', ''), ('with', law.to_text()), ('without', '')):
         periods, events, lost, share = measure(text)

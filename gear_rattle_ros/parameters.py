@@ -193,7 +193,7 @@ CONTROL: Final = (
     _live('acts', 'drive', 'what the law changes at impacts: alpha until the next one, by the '
           'distance from the orbit (drive) or by the velocity a period ago (delayed), or the '
           'velocity after them (pulses)', '', choices=tuple(each.name.lower() for each in Acts)),
-    _live('limit', 0.01, 'largest change of alpha, or of the velocity', low=1e-9, high=10.0),
+    _live('limit', 0.002, 'largest change of alpha, or of the velocity', low=1e-9, high=10.0),
     _fixed('publish_rate', 10.0, 'messages on control per second of wall time', 'Hz', 0.1, 1000.0),
     _fixed('simulator', 'simulator', 'name of the node to steer, in any namespace', ''),
 )

@@ -97,12 +97,22 @@ NEEDLESS = ('scipy', 'coverage')
 IMPORTED = 300_000
 
 
+# A signal that comes in a callback, where it is lost, is repeated after this time [s].
+AGAIN = 0.01
 _signals: list[int] = []
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     _signals.append(number)
     raise KeyboardInterrupt
+
+
+def _interrupt_later(unraisable: Any) -> None:
+    # Numba loads kernels through callbacks from C, which can raise nothing.
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def _prepare() -> None:
@@ -136,6 +146,8 @@ def start(name: str) -> NoReturn:
     try:
         signal.signal(signal.SIGINT, _interrupt)
         signal.signal(signal.SIGTERM, _interrupt)
+        signal.signal(signal.SIGALRM, _interrupt)
+        sys.unraisablehook = _interrupt_later
         _prepare()
         for variable, value in ENVIRONMENT.get(name, {}).items():
             os.environ.setdefault(variable, value)

@@ -53,6 +53,21 @@ def test_a_signal_that_an_import_swallows_ends_the_program(tmp_path: Path, then:
     assert (done.returncode, done.stdout, done.stderr) == (130, '', '')
 
 
+@pytest.mark.parametrize('place', [
+    'ctypes.CFUNCTYPE(None)(interrupted)()', 'type("A", (), {"__del__": interrupted})()'])
+def test_a_signal_in_a_callback_is_not_lost(tmp_path: Path, place: str) -> None:
+    """Nothing can be raised there, as where numba loads a kernel; nothing is printed of it."""
+    (tmp_path / 'busy.py').write_text(
+        'import ctypes, os, signal, time\n'
+        'def interrupted(*_):\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(9)\n'
+        f'def main():\n    {place}\n    time.sleep(9)\n    print("goes on")\n')
+    code = (f'import gear_rattle_ros; from gear_rattle_ros import start; '
+            f'gear_rattle_ros.__path__.append({str(tmp_path)!r}); '
+            f'start.EXECUTABLES["busy"] = "busy"; start.start("busy")')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, '', '')
+
+
 def begun(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
     """Run the one command."""
     return subprocess.run([sys.executable, '-m', 'gear_rattle_ros.start', *words], text=True,

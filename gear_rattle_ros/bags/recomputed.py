@@ -25,7 +25,7 @@ import numpy as np
 from .cdr import Named
 from ..core.model import EventArray, EventKind
 from ..core.stream.lyapunov import LyapunovReport, RunningLyapunov
-from ..core.stream.report_values import lyapunov_values, texts, transient_values
+from ..core.stream.report_values import hop_values, lyapunov_values, texts, transient_values
 from ..core.stream.transients import TransientDetector
 
 TOLERANCE: Final = 1e-3
@@ -166,12 +166,15 @@ class Exponents(Recomputed):
 
 
 class Transients(Recomputed):
-    """Recompute every report of the transient node."""
+    """Recompute every report of the transient node, and its counts of hops."""
 
     # The topic is latched, one deep: of reports in quick succession only the last may have been
     # published, so the recorded ones are looked for among the computed ones.
-    def __init__(self, reports: Sequence[Named]) -> None:
+    def __init__(self, reports: Sequence[Named], counts: Sequence[Named]) -> None:
         super().__init__()
+        self.hops = 0  # Counts that were reproduced.
+        for count in counts:
+            self._pending[count.stamp].append(texts(count.values))
         self._tolerance = TOLERANCE
         for report in reports:
             values = dict(report.values)
@@ -206,11 +209,17 @@ class Transients(Recomputed):
             self._detectors = [*self._detectors, TransientDetector(self._tolerance)][-_CANDIDATES:]
             changes += self._detectors[-1].update(events)
         if pending := self._pending.get(stamp):
-            found = [texts(transient_values(change)) for change in changes]
+            found = [texts(transient_values(change)) for change in changes] + [
+                texts(hop_values(each.hops, each.index)) for each in self._detectors
+                if each.hops.known]
             # Batches may share a stamp: what is not found here is looked for in the next.
-            self._pending[stamp] = [report for report in pending if not any(
+            left = [report for report in pending if not any(
                 _agree(report, one) for one in found)]
-            self.found += len(pending) - len(self._pending[stamp])
+            reports = sum('state' in report for report in pending) - sum(
+                'state' in report for report in left)
+            self._pending[stamp] = left
+            self.found += reports
+            self.hops += len(pending) - len(left) - reports
 
     def finish(self) -> None:
         """Judge the reports that are left."""
@@ -225,8 +234,8 @@ class Transients(Recomputed):
                 self.beyond += 1
             elif not self.fault:
                 self.fault = (
-                    f'the report {report.get("state")!r} at impact {report.get("index")}, epoch '
-                    f'{report.get("epoch")}, does not follow from the events: {report}')
+                    f'the report {report.get("state", "hops")!r} at impact {report.get("index")}, '
+                    f'epoch {report.get("epoch")}, does not follow from the events: {report}')
 
 
 def _agree(report: Mapping[str, str], expected: Mapping[str, str]) -> bool:

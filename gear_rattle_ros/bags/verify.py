@@ -43,7 +43,7 @@ class Verdict:
     """
     Whether a bag is verified, and what was found in it; its text is a report.
 
-    `flights` were rebuilt from one record to the next; `exponents` and `transients` were
+    `flights` were rebuilt from one record to the next; `exponents`, `transients` and `hops` were
     reproduced bit for bit, but for those `beyond` that rest on events which are not in the bag.
     `imbalance` is the largest difference of the mean force of the walls from what it must be, at
     the ends of batches [1]. `anew` is where the numbers begin anew in mid-run, `fault` the first
@@ -59,6 +59,7 @@ class Verdict:
     runs: int
     exponents: int
     transients: int
+    hops: int
     beyond: int
     imbalance: float
     holes: tuple[Hole, ...]
@@ -78,8 +79,9 @@ class Verdict:
         seen = (f'{counted(self.events, "event")} ({counted(self.impacts, "impact")}, '
                 f'{self.kicked:,} of them kicked by noise), {counted(self.flights, "flight")} '
                 f'rebuilt, {counted(self.epochs, "epoch")} in {counted(self.runs, "run")}')
-        again = (f'{counted(self.exponents, "estimate")} and '
-                 f'{counted(self.transients, "transient report")} reproduced, '
+        hops = f' and {counted(self.hops, "count")} of hops' if self.hops else ''
+        again = (f'{counted(self.exponents, "estimate")}{"," if hops else " and"} '
+                 f'{counted(self.transients, "transient report")}{hops} reproduced, '
                  f'impulse balance within {self.imbalance:.1e}')
         notes = f', {self.beyond} more rest on what is not in the bag' if self.beyond else ''
         notes += '' if self.is_whole else '; the bag was not closed properly'
@@ -123,12 +125,14 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
     bag = Bag(path)
     impacts = bag.find_impacts(topic)
     beside = impacts.rpartition('/')[0]
-    estimates, reports, statuses = _read(bag, {
+    estimates, counts, reports, statuses = _read(bag, {
         f'{beside}/lyapunov': lambda data: [read_joint_state(data)],
+        f'{beside}/hops': lambda data: [read_joint_state(data)],
         f'{beside}/transient': read_diagnostics,
         '/diagnostics': read_diagnostics,
     })
-    exponents, transients = Exponents(estimates), Transients(reports)
+    exponents, transients = Exponents(estimates), Transients(
+        reports, counts)
     kernels = {status.values['kernels'] for status in statuses if 'kernels' in status.values}
     succession, guard = Succession(), StreamGuard()
     source, fault = _batches(bag, impacts), ''
@@ -144,7 +148,7 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
     transients.finish()
     return Verdict(
         succession.events, succession.impacts, succession.kicked, succession.flights,
-        succession.epochs, succession.runs, exponents.found, transients.found,
+        succession.epochs, succession.runs, exponents.found, transients.found, transients.hops,
         exponents.beyond + transients.beyond, exponents.imbalance, tuple(succession.holes),
         tuple(succession.anew), fault or exponents.fault or transients.fault,
         frozenset(kernels), bag.is_whole, bag.set_back.get(impacts, 0), time.monotonic() - began)

@@ -20,6 +20,7 @@ Nothing but the standard library is imported before the options are read, so tha
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+import contextlib
 import dataclasses
 import importlib
 import inspect
@@ -236,13 +237,16 @@ def require_picture(path: Path | None) -> None:
 
 def _report_stop(name: str, output: Path, words: list[str]) -> int:
     from ..core.words import counted
-    from ..store.store import Store, StoreError
+    done = total = 0
     try:
-        store = Store(output)
-        total = len(store.tiles)
-        done = total - len(store.pending())
-    except StoreError:
-        done = total = 0
+        from ..store.store import Store, StoreError
+        with contextlib.suppress(StoreError):
+            store = Store(output)
+            total = len(store.tiles)
+            done = total - len(store.pending())
+    except Exception as error:
+        # A library that was interrupted in its import cannot be imported again.
+        raise KeyboardInterrupt from error
     print(f'{name}: stopped; {output} keeps {done:,} of {counted(total, "tile")}; go on '
           f'with: {shlex.join([*typed(name), *words])}', file=sys.stderr)
     return INTERRUPTED

@@ -37,6 +37,7 @@ from ..core.flight.law import Acts
 from ..core.model import EventArray, Model, Parameters, State
 from ..core.stream.guard import StreamGuard
 from ..core.stream.hold import RunningHold
+from ..core.words import shown
 from ..messages import named_values
 from ..parameters import CONTROL, guard, Value
 from ..qos import STREAM
@@ -44,6 +45,8 @@ from ..qos import STREAM
 # Intervals at which requests go on, and at which the simulator's parameters are read [s].
 TURN: Final = 0.02
 LOOK_EVERY: Final = 0.25
+# How long the simulator may take to let go when this node ends [s].
+ENDS_WITHIN: Final = 2.0
 
 
 class Wanted(NamedTuple):
@@ -68,7 +71,7 @@ class Control(ReportingNode):
             name: self.values[name] for name in ('orbit', 'acts', 'limit')}
         self._planner = Planner()
         # Compile the kernels before the first batch.
-        self._planner.plan(Parameters(alpha=0.57), State(velocity=-1.0), 'B', Acts.DRIVE, 0.01)
+        self._planner.plan(Parameters(alpha=0.57), State(velocity=-1.0), 'B', Acts.DRIVE, 0.002)
         self._wanted: Wanted | None = None
         self._job: threading.Thread | None = None
         self._plans: queue.SimpleQueue[tuple[Wanted, Plan | str]] = queue.SimpleQueue()
@@ -97,10 +100,24 @@ class Control(ReportingNode):
 
     def close(self) -> None:
         self._wanted = None
+        self._take_back()
         self._input.drain()
         self._publish()
         # How long the last message may take to arrive.
         self._publisher.wait_for_all_acked(Duration(seconds=0.2))
+
+    def _take_back(self) -> None:
+        """Take the law out of the simulator, unless another one has replaced it."""
+        def take(values: dict[str, Any]) -> None:
+            if values['control'] == self._text:
+                self.simulator.put({'control': ''})
+
+        if self._text and self.simulator.count and self.executor is not None:
+            self.simulator.get(('control',), take)
+            try:
+                self.simulator.finish(self.executor, ENDS_WITHIN)
+            except ClientError as error:
+                self.get_logger().warning(f'the law stays in the simulator: {error}')
 
     def _take(self, events: EventArray) -> None:
         self._guard.split(events)
@@ -122,8 +139,9 @@ class Control(ReportingNode):
                           plan.describe() if isinstance(plan, Plan) else plan)
         try:
             self.simulator.tick()
-        except ClientError as error:
-            self._say('warn', str(error))
+        except (ClientError, TypeError, ValueError) as error:
+            # Another node may answer for a simulator with anything.
+            self._say('warn', shown(error))
         now = time.monotonic()
         if self.simulator.count and not self.simulator.is_busy and (
                 now > self._looked + LOOK_EVERY):

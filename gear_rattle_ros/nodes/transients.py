@@ -28,8 +28,7 @@ from .base.in_si import NodeInSi
 from .base.process import run_node
 from ..core.flight.simulation import Simulation
 from ..core.model import EventArray, EventKind, Parameters, State
-from ..core.orbits.letters import letter_of, LETTERS
-from ..core.stream.hops import Known
+from ..core.orbits.letters import LETTERS
 from ..core.stream.rattle import rattle_of, RunningRattle
 from ..core.stream.report_values import hop_values, transient_values
 from ..core.stream.transients import Regime, TransientDetector, TransientReport
@@ -58,8 +57,6 @@ class Transients(NodeInSi):
         self._display = self.create_publisher(JointState, 'last_impact', STREAM)
         self._hops = self.create_publisher(JointState, 'hops', STREAM)
         self._counted: Any = None
-        # The names of known orbits: a letter takes long to find.
-        self._names: dict[Known, str] = {}
         if self.number('display_rate') > 0.0:
             self.every(1.0 / self.number('display_rate'), self._show)
         self._rattling = self.create_publisher(JointState, 'rattle', STREAM)
@@ -102,10 +99,7 @@ class Transients(NodeInSi):
         if not hops.known or self._counted == (hops, index):
             return
         self._counted = hops, index
-        self._names = {known: self._names.get(known) or letter_of(known.orbit) or known.orbit.key
-                       for known in hops.known}
-        self._hops.publish(named_values(
-            hop_values(hops, index, self._names.__getitem__), self._input.stamp))
+        self._hops.publish(named_values(hop_values(hops, index), self._input.stamp))
 
     def _show(self) -> None:
         if self._last is not None:

@@ -31,7 +31,11 @@ from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
-from gear_rattle_ros.core.stream.report_values import lyapunov_values, transient_values
+from gear_rattle_ros.core.stream.report_values import (
+    hop_values,
+    lyapunov_values,
+    transient_values,
+)
 from gear_rattle_ros.core.stream.transients import TransientDetector
 from gear_rattle_ros.messages import cloud_from_events, diagnostic_array, named_values
 
@@ -39,6 +43,7 @@ TYPES = {
     '/impacts': 'sensor_msgs/msg/PointCloud2', '/lyapunov': 'sensor_msgs/msg/JointState',
     '/transient': 'diagnostic_msgs/msg/DiagnosticArray',
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/hops': 'sensor_msgs/msg/JointState',
 }
 
 
@@ -162,6 +167,30 @@ def test_a_wrong_estimate_or_report_is_found(tmp_path: Path) -> None:
                     'tolerance': 1e-3}, Time(sec=number)))
     log.writer.close()
     assert "report 'transient' at impact 3456" in verify(tmp_path / 'untrue').fault
+
+
+@pytest.mark.parametrize('bent', ['', 'rate A to B', 'occupation B', 'index'])
+def test_counts_of_hops_are_reproduced(tmp_path: Path, bent: str) -> None:
+    """Each at its moment, where two batches have one stamp, too; a hop more or less is found."""
+    whole = Simulation(Parameters(0.48), State(velocity=-1.0), noise=0.02, seed=1).advance(
+        10**8, 0.0, 20_000)
+    log = Log(tmp_path / 'bag')
+    for number, events in enumerate(np.array_split(whole, 40)):
+        stamp = Time(sec=number // 2)
+        log.batch(events, stamp, estimate=False)
+        if log.detector.hops.known:
+            values = hop_values(log.detector.hops, log.detector.index)
+            if number == 35 and bent:
+                values[bent] += 1e-3 if bent != 'index' else 1.0
+            log.put('/hops', named_values(values, stamp))
+    log.writer.close()
+    verdict = verify(tmp_path / 'bag')
+    assert log.detector.hops.counts[0, 1] > 5
+    assert verdict.is_verified == (not bent) and bool(verdict.fault) == bool(bent)
+    if bent:
+        assert "the report 'hops' at impact" in verdict.fault
+    else:
+        assert verdict.hops > 35 and f'{verdict.hops} counts of hops reproduced' in str(verdict)
 
 
 @pytest.mark.parametrize(('off', 'holds'), [(1e-12, True), (1e-6, False)])

@@ -38,7 +38,7 @@ from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.parameters import SIMULATOR
 from gear_rattle_ros.qos import STREAM
 
-READERS = ('lyapunov', 'transients', 'recorder', 'viewer')
+READERS = ('lyapunov', 'transients', 'control', 'recorder', 'viewer')
 STAMP = stamp_from_nanoseconds(0)
 
 
@@ -124,6 +124,7 @@ def test_readers_refuse_what_is_no_stream_and_go_on(start, domain, rclpy_node, s
     nodes = {
         'lyapunov': start('lyapunov'),
         'transients': start('transients'),
+        'control': start('control'),
         'recorder': start('recorder', '--ros-args', '-p', f'output:={tmp_path}/bag'),
         'viewer': start('viewer', '--ros-args', '-p', 'mode:=none', '-p',
                         f'save:={tmp_path}/run.rrd'),
@@ -146,7 +147,7 @@ def test_readers_refuse_what_is_no_stream_and_go_on(start, domain, rclpy_node, s
     assert values['lambda_1'] == running.report.lambda_1
     assert values['impacts'] == running.report.impacts
     spin(lambda: all(health.get(name, ('', {}))[1].get('refused_batches') == str(len(broken))
-                     for name in ('lyapunov', 'transients', 'viewer')), 30.0)
+                     for name in ('lyapunov', 'transients', 'control', 'viewer')), 30.0)
     # In a participant of its own, as within one DDS itself refuses it.
     context = rclpy.context.Context()
     rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)

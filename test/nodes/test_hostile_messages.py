@@ -23,15 +23,18 @@ from geometry_msgs.msg import Point
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
+from rclpy.parameter import Parameter
 from rclpy.utilities import try_shutdown
 from rich.console import Console
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
+from gear_rattle_ros.core.flight.law import Law
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EVENT, Parameters, State
 from gear_rattle_ros.messages import cloud_from_events, stamp_from_nanoseconds
 from gear_rattle_ros.nodes.base.process import begin
+from gear_rattle_ros.nodes.control import Control
 from gear_rattle_ros.nodes.suite.display import render, Status
 from gear_rattle_ros.nodes.suite.node import Monitor
 from gear_rattle_ros.nodes.viewer.basin import points_of
@@ -67,6 +70,10 @@ MARKERS = st.builds(lambda markers: MarkerArray(markers=markers), st.lists(st.bu
     st.sampled_from(['', 'unstable_orbits', 'stable_manifold', 'smallest_kick']),
     st.sampled_from([Marker.ARROW, Marker.LINE_LIST, 99]),
     st.lists(st.tuples(st.floats(), st.floats(-1e300, 1e300)), max_size=5)), max_size=3))
+ANSWERS = st.one_of(st.floats(), st.integers(), st.sampled_from(['', 'x', '{}', '[1]']),
+                    st.floats(0.01, 1.0))
+ORBITS = st.one_of(st.text(max_size=9), st.sampled_from(
+    ['orbit-', 'orbit-2-1-U', '<', '<1', '-1', '99', '1e9', 'A', '٣', '<65']))
 MESSAGES = {'lyapunov': ESTIMATES, 'transient': REPORTS, 'diagnostics': REPORTS, 'basin': IMAGES,
             'attractors': CLOUDS, 'basin_state': REPORTS, 'skeleton': MARKERS}
 
@@ -136,6 +143,43 @@ def test_the_viewer_goes_on(ros, capfd) -> None:
     assert 'Traceback' not in said
     viewer.close()
     viewer.destroy_node()
+
+
+def test_the_control_node_goes_on(ros: None, capfd: pytest.CaptureFixture[str]) -> None:
+    """Whatever answers for a simulator or is asked for, it holds an orbit in the end."""
+    node = Control()
+    put: list[dict[str, str]] = []
+    node.simulator.put = lambda values, then=bool: (put.append(values), then(''))
+    take, = (one.callback for one in node.subscriptions if one.topic_name == '/impacts')
+    good = {'alpha': 0.57, 'beta': 0.1, 'gamma': 0.1, 'restitution': 0.9, 'control': ''}
+    events = Simulation(Parameters(0.57), State(velocity=-1.0)).advance(10**6, 0.0, 3000)
+
+    def look(values: dict[str, object]) -> None:
+        node.simulator.tick = lambda: node._look(values)
+        node._turn()
+
+    @settings(max_examples=150, deadline=None)
+    @given(st.fixed_dictionaries(dict.fromkeys(good, ANSWERS)), st.one_of(ORBITS, st.none()),
+           CLOUDS)
+    def holds(values: dict[str, object], orbit: str | None, cloud: PointCloud2) -> None:
+        take(cloud)
+        if orbit is not None:
+            result, = node.set_parameters([Parameter('orbit', value=orbit)])
+            assert result.successful
+        look(values)
+        node._publish()
+        assert node.report()[0] in ('ok', 'warn')
+
+    holds()
+    node.set_parameters([Parameter('orbit', value='B')])
+    take(cloud_from_events(events, stamp_from_nanoseconds(0)))
+    deadline = time.monotonic() + 60.0
+    while node._hold is None and time.monotonic() < deadline:
+        look(good | {'control': put[-1]['control'] if put else ''})
+        time.sleep(0.01)
+    assert Law.of_text(put[-1]['control']) is not None
+    assert 'Traceback' not in capfd.readouterr().err
+    node.destroy_node()
 
 
 def test_a_cloud_of_events_is_no_cloud_of_attractors() -> None:

@@ -146,6 +146,30 @@ def test_a_scene_is_played_and_its_values_can_be_overridden(rclpy_node: Node) ->
             Parameter('scene', value='nix')])
 
 
+def heard(listener: Node, spin: Callable, topic: str, nodes: list[BaseNode],
+          is_enough: Callable[[list[dict[str, float]]], bool]
+          ) -> tuple[list[dict[str, float]], np.ndarray]:
+    """Run nodes until enough has come on a topic; return that with the events so far."""
+    shown: list[dict[str, float]] = []
+    events: list[np.ndarray] = []
+    listener.create_subscription(JointState, topic, lambda message: shown.append(
+        dict(zip(message.name, message.position, strict=True))), STREAM)
+    listener.create_subscription(PointCloud2, 'impacts', lambda cloud: events.append(
+        events_from_cloud(cloud)), STREAM_INPUT)
+    executor = SingleThreadedExecutor(context=listener.context)
+    for each in nodes:
+        executor.add_node(each)
+
+    def is_there() -> bool:
+        executor.spin_once(timeout_sec=0.01)
+        return is_enough(shown)
+
+    spin(is_there)
+    for each in nodes:
+        each.destroy_node()
+    return shown, np.concatenate(events)
+
+
 def test_rattle_is_published_in_the_units_of_the_gear_pair(
         rclpy_node: Node, spin: Callable) -> None:
     """The backlash is 0.1 mm, so 1 is 0.1 mm times omega; a stretch ends where the next begins."""
@@ -158,22 +182,8 @@ def test_rattle_is_published_in_the_units_of_the_gear_pair(
         Parameter('restitution', value=0.8)])
     node = Transients(context=rclpy_node.context, parameter_overrides=[
         *given, Parameter('rattle_rate', value=20.0)])
-    shown: list[dict[str, float]] = []
-    events: list[np.ndarray] = []
-    rclpy_node.create_subscription(JointState, 'rattle', lambda message: shown.append(
-        dict(zip(message.name, message.position, strict=True))), STREAM)
-    rclpy_node.create_subscription(PointCloud2, 'impacts', lambda cloud: events.append(
-        events_from_cloud(cloud)), STREAM_INPUT)
-    executor = SingleThreadedExecutor(context=rclpy_node.context)
-    for each in (node, simulator):
-        executor.add_node(each)
-
-    def is_there() -> bool:
-        executor.spin_once(timeout_sec=0.01)
-        return len(shown) > 9
-
-    spin(is_there)
-    stream = np.concatenate(events)
+    shown, stream = heard(rclpy_node, spin, 'rattle', [node, simulator],
+                          lambda shown: len(shown) > 9)
     times = (stream['cycle'] + stream['phase'] / (2.0 * math.pi)) / 50.0
     velocity = 1e-4 * 2.0 * math.pi * 50.0
     begin, end = times[0], 0.0
@@ -185,8 +195,6 @@ def test_rattle_is_published_in_the_units_of_the_gear_pair(
         assert one['rate_upper_per_s'] + one['rate_lower_per_s'] == pytest.approx(
             len(speeds) / one['duration_s'])
         begin = end
-    for each in (node, simulator):
-        each.destroy_node()
 
 
 def test_the_speed_of_a_gear_pair_changes_live(
@@ -243,22 +251,9 @@ def test_the_last_impact_comes_at_the_display_rate(
         Parameter('display_rate', value=200.0)])
     simulator = Simulator(context=rclpy_node.context, parameter_overrides=[
         Parameter('rate', value=400.0), Parameter('wait_for_readers', value=2)])
-    shown: list[dict[str, float]] = []
-    events: list[np.ndarray] = []
-    rclpy_node.create_subscription(JointState, 'last_impact', lambda message: shown.append(
-        dict(zip(message.name, message.position, strict=True))), STREAM)
-    rclpy_node.create_subscription(PointCloud2, 'impacts', lambda cloud: events.append(
-        events_from_cloud(cloud)), STREAM_INPUT)
-    executor = SingleThreadedExecutor(context=rclpy_node.context)
-    for each in (node, simulator):
-        executor.add_node(each)
-
-    def is_there() -> bool:
-        executor.spin_once(timeout_sec=0.01)
-        return len(shown) > 9 and shown[-1]['attractor'] == 1.0
-
-    spin(is_there)
-    records = {int(each['index']): each for each in np.concatenate(events) if each['kind'] == 0}
+    shown, stream = heard(rclpy_node, spin, 'last_impact', [node, simulator], lambda shown: (
+        len(shown) > 9 and shown[-1]['attractor'] == 1.0))
+    records = {int(each['index']): each for each in stream if each['kind'] == 0}
     # The batches decide how many are shown before the orbit is reached, which takes 35 impacts.
     numbers = [each['attractor'] for each in shown]
     assert set(numbers) <= {0.0, 1.0} and numbers == sorted(numbers)
@@ -268,5 +263,3 @@ def test_the_last_impact_comes_at_the_display_rate(
     for each in known:
         record = records[int(each['index'])]
         assert all(each[name] == record[name] for name in each if name != 'attractor')
-    for each in (node, simulator):
-        each.destroy_node()

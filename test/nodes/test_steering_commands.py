@@ -20,8 +20,9 @@ from rcl_interfaces.srv import GetParameters
 from gear_rattle_ros.nodes.base import client
 from gear_rattle_ros.nodes.steering import main
 
-TOTAL = ('alpha', 'beta', 'gamma', 'restitution', 'noise', 'rate', 'alpha_target', 'alpha_rate',
-         'initial_phase', 'initial_displacement', 'initial_velocity', 'seed')
+TOTAL = ('alpha', 'beta', 'gamma', 'restitution', 'noise', 'noise_kind', 'control', 'rate',
+         'alpha_target', 'alpha_rate', 'initial_phase', 'initial_displacement',
+         'initial_velocity', 'seed')
 
 
 def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None:
@@ -42,6 +43,10 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None
     spin(future.done)
     assert [value.double_value or value.integer_value for value in future.result().values] == [
         1.244, -1e-3, 7]
+    assert steer('set', 'noise_kind', 'uniform', 'noise', '1e-3', 'control', '') == (
+        0, "noise_kind = 'uniform'\nnoise = 0.001\ncontrol = ''\n", '')
+    assert steer('get', 'publish_clock', 'omega') == (
+        0, 'publish_clock = False\nomega = 6.283185307179586\n', '')
     assert steer('get', 'beta') == (0, 'beta = 0.1\n', '')
     status, said, _ = steer('get')
     assert (status, tuple(line.split(' = ')[0] for line in said.splitlines())) == (0, TOTAL)
@@ -52,7 +57,26 @@ def test_a_running_simulator_is_steered(start, rclpy_node, spin, capsys) -> None
     assert 'reset' in simulator.text()
 
 
+def test_control_is_steered_beside_the_simulator(start, rclpy_node, capsys) -> None:
+    """A number is the name of an orbit, too; parameters of both go to their nodes."""
+    for name in ('simulator', 'control'):
+        start(name, '--ros-args', '-r', '__ns:=/lab', '-p', 'alpha:=0.57').wait_for('ready')
+    at = ('--simulator', '/lab/simulator')
+    assert main(['set', 'orbit', '4', 'alpha', '0.56', 'limit', '1e-3', *at]) == 0
+    assert main(['get', 'limit', 'acts', 'alpha', *at]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        'alpha = 0.56', "orbit = '4'", 'limit = 0.001', 'alpha = 0.56', 'limit = 0.001',
+        "acts = 'drive'"]
+    assert main(['set', 'orbit', '', *at]) == 0
+    assert main(['set', 'limit', '1']) == 2
+    assert capsys.readouterr().err.startswith('set: no control answers as /control; start one')
+
+
 @pytest.mark.parametrize(('words', 'line'), [
+    ('set noise_kind loud', "set: noise_kind = 'loud' is not one of gaussian, uniform, jitter"),
+    ('set orbit', 'set: orbit needs a value'),
+    ('set limit x', "set: limit needs a number, not 'x'"),
+    ('set simulator x', "set: 'simulator' is not one of alpha"),
     ('set alhpa 1', "set: 'alhpa' is not one of alpha, beta"),
     ('set alpha', "set: alpha needs a number, not 'nothing'"),
     ('set alpha x', "set: alpha needs a number, not 'x'"),

@@ -28,7 +28,7 @@ import time
 
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from gear_rattle_ros.nodes.teleop.keys import Entry, Keys
 from gear_rattle_ros.scenes import load_scenes
@@ -148,8 +148,8 @@ def calls(node, spin, simulator: str):
                 return future.result()
         raise AssertionError(f'no answer to {request}')
 
-    def get(*names: str) -> list[float]:
-        return [value.double_value
+    def get(*names: str) -> list[float | str]:
+        return [parameter_value_to_python(value)
                 for value in ask(getting, GetParameters.Request(names=names)).values]
 
     def put(**values: float) -> None:
@@ -235,6 +235,10 @@ def test_any_parameter_is_stepped_or_typed(start, teleop, rclpy_node, spin) -> N
     screen.wait_for("'nois' is not one of alpha")
     screen.press(b'tbeta x\r')
     screen.wait_for('beta needs a number')
+    screen.press(b'tnoise_kind uniform\r')
+    spin(lambda: get('noise_kind') == ['uniform'])
+    screen.press(b'torbit <9\r')
+    screen.wait_for('no control here')
     screen.press(b'q')
     screen.wait_for('<status 0>')
 
@@ -353,5 +357,9 @@ def test_the_next_shorter_orbit_is_held_and_let_go(start, teleop) -> None:
     screen.press(b'o')
     screen.wait_for_answer('looking for <9')
     screen.wait_for_answer('control of 8 impacts')
+    screen.press(b'torbit 4\r')
+    screen.wait_for_answer('control of 4 impacts')
+    screen.press(b'tlimit 0.01\r')
+    control.wait_for('limit = 0.01 is too large')
     screen.press(b'l')
     screen.wait_for_answer('let go')

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """A control law that changes the drive, or the velocity after an impact, a little at impacts."""
 
 import dataclasses
@@ -33,8 +32,8 @@ POINTS: Final = 64
 # Smallest change of the velocity, relative to it.
 SMALLEST_PULSE: Final = 2.0**-48
 #: The law, a part of TRAJECTORY: points (0: no law), what is changed, alpha without it, limits,
-#: whether a change of alpha is due after the latest impact and to what, the point that comes
-#: next, the points with their gains, and velocities a period ago (nan: not known).
+#: whether a change of alpha is due after the latest impact and to what, the points with their
+#: gains, and velocities a period ago (nan: not known).
 LAW: Final = [
     ('points', np.int64), ('acts_on', np.int64), ('alpha_free', np.float64),
     ('limit', np.float64), ('reach', np.float64), ('waits', np.bool_), ('wanted', np.float64),

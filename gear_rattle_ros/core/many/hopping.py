@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """How long trajectories with noise stay on an attractor, and to which they hop, by core sets."""
 
 from typing import Final, NamedTuple
@@ -42,7 +41,6 @@ from ..flight.simulation import RELEASE, run, settle, state_at, TRAJECTORY
 from ..model import EVENT
 from ..orbits.section import distance
 
-# A point of a periodic orbit, with the ball round it.
 # A stay: the attractor, the one that follows (EMPTY where it was not seen to end), how long it
 # lasted from the first impact in the one core to the first in the other.
 STAY: Final = np.dtype([('label', np.int64), ('following', np.int64), ('impacts', np.int64),
@@ -135,18 +133,16 @@ def visit(v: Record, cores: Cores, cycle: Whole, phase: float, velocity: float,
 
 @kernel
 def hop(tile: Record, initial: RecordArray, noise: float, kind: int, seeds: IntArray, cap: int,
-        cores: Cores, room: int) -> tuple[RecordArray, RecordArray]:
-    """Follow initial conditions with kicks at impacts; return a row of STAY and VISITOR each."""
-    # Each ends after `cap` impacts, with its `room` of stays if that is not 0, or permanently at
+        cores: Cores, stays: RecordArray, visitors: RecordArray) -> None:
+    """Follow initial conditions with kicks at impacts, each in a row of STAY and a VISITOR."""
+    # Each ends after `cap` impacts, with its room for stays if there is any, or permanently at
     # rest, which is its last label then.
-    stays, visitors = np.zeros((len(initial), room), STAY), np.zeros(len(initial), VISITOR)
     impacts, made = new_impacts(STEPS), np.zeros(len(initial), np.int64)
-    visitors['label'][:] = EMPTY
     following = 0
     while True:
         following = refill(tile, initial, following, float(cap))
         if not is_busy(tile):
-            return stays, visitors
+            return
         advance_kicked(tile, impacts, noise, kind, seeds, made)
         for i in range(LANES):
             number = tile.number[i]
@@ -173,9 +169,8 @@ def hop(tile: Record, initial: RecordArray, noise: float, kind: int, seeds: IntA
 
 @kernel
 def hop_with_jitter(initial: RecordArray, noise: float, seeds: IntArray, cap: int, cores: Cores,
-                    room: int) -> tuple[RecordArray, RecordArray]:
+                    stays: RecordArray, visitors: RecordArray) -> None:
     """Do as `hop`, with the amplitude of each drive period drawn anew in place of kicks."""
-    stays, visitors = np.zeros((len(initial), room), STAY), np.zeros(len(initial), VISITOR)
     events, trajectory = np.zeros(STEPS, EVENT), np.zeros(1, TRAJECTORY)
     for number in range(len(initial)):
         origin, v, row, t = initial[number], visitors[number], stays[number], trajectory[0]
@@ -184,7 +179,6 @@ def hop_with_jitter(initial: RecordArray, noise: float, seeds: IntArray, cap: in
         t.alpha, t.beta, t.gamma = origin.alpha, origin.beta, origin.gamma
         t.restitution = origin.restitution
         settle(t)
-        v.label = EMPTY
         # A gear at rest, or between the walls, makes no more impacts.
         cycle, quiet = 0, 0
         while v.impacts < cap and quiet < cap and not is_full(v, row):
@@ -204,12 +198,15 @@ def hop_with_jitter(initial: RecordArray, noise: float, seeds: IntArray, cap: in
             t.alpha = jittered(origin.alpha, noise, seeds[number], cycle)
             settle(t)
         enter(v, EMPTY, float(cycle), row)
-    return stays, visitors
 
 
 def hop_from(initial: RecordArray, noise: float, kind: Noise, seeds: IntArray, cap: int,
              cores: Cores, room: int) -> tuple[RecordArray, RecordArray]:
     """Follow initial conditions with noise; return a row of STAY and a VISITOR for each."""
+    stays, visitors = np.zeros((len(initial), room), STAY), np.zeros(len(initial), VISITOR)
+    visitors['label'] = EMPTY
     if kind is Noise.JITTER:
-        return hop_with_jitter(initial, noise, seeds, cap, cores, room)
-    return hop(new_tiles(1)[0], initial, noise, int(kind), seeds, cap, cores, room)
+        hop_with_jitter(initial, noise, seeds, cap, cores, stays, visitors)
+    else:
+        hop(new_tiles(1)[0], initial, noise, int(kind), seeds, cap, cores, stays, visitors)
+    return stays, visitors

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Rates, their errors and tests, from stays on attractors that were seen to end or not."""
 
 import dataclasses

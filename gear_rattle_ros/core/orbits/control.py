@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Laws that hold an unstable orbit, and the multipliers of the orbit under them."""
 
 import math

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """How a slow ramp of alpha delays what happens to a periodic orbit."""
 
 from collections.abc import Iterator

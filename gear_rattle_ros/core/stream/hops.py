@@ -22,6 +22,7 @@ its core. The trajectory is on the orbit whose core it visited last, as in the t
 
 from collections import Counter
 import dataclasses
+import functools
 import math
 from typing import Final
 
@@ -32,6 +33,7 @@ from ..compiled import kernel
 from ..flight.elementary import TWO_PI
 from ..model import Parameters
 from ..orbits.cores import BALL, radius_of
+from ..orbits.letters import letter_of
 from ..orbits.orbit import close_orbit, Orbit, same_orbit
 from ..orbits.section import distance, distances, turn
 
@@ -88,6 +90,11 @@ class Known:
     orbit: Orbit
     points: RecordArray  # as impacts of the history
     radius: float  # of the balls round its points [1]
+
+    @functools.cached_property
+    def name(self) -> str:
+        """Letter, or key without one; a letter takes long to find."""
+        return letter_of(self.orbit) or self.orbit.key
 
 
 class Hops:

@@ -14,12 +14,12 @@
 
 """Reports of the analyses as named values: what is published live and recomputed from a bag."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import itertools
 import math
 from typing import Final
 
-from .hops import Hops, Known
+from .hops import Hops
 from .lyapunov import LyapunovReport
 from .transients import TransientReport
 from ..model import Wall
@@ -74,13 +74,13 @@ def transient_values(report: TransientReport) -> dict[str, object]:
     return values
 
 
-def hop_values(hops: Hops, index: int, name: Callable[[Known], str]) -> dict[str, float]:
+def hop_values(hops: Hops, index: int) -> dict[str, float]:
     """Name what is known of hops up to an impact: occupation, rates per impact [1], cores."""
     stays = hops.stays.copy()
     if hops.home >= 0:
         stays[hops.home] += (index - hops.since) % 2**32
     total = (index - hops.begun) % 2**32
-    names = {number: name(each) for number, each in enumerate(hops.known)}
+    names = [each.name for each in hops.known]
     values = {'index': float(index), 'impacts': float(total), 'attractors': float(len(names))}
     for number, known in enumerate(hops.known):
         values |= {f'{what} {names[number]}': value for what, value in (

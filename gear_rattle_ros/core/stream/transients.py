@@ -73,6 +73,15 @@ LOUD: Final = 0.1
 REMEMBERED: Final = 32.0
 CALM: Final = 0.01
 
+# Jitter is what changes alpha, and nothing else, at the end of each of this many drive periods,
+# and turns round in a quarter of them, as no ramp does. They give its mean and its deviation, of
+# which one draw is never this multiple from the mean.
+DRAWS: Final = 64
+TURNS: Final = DRAWS // 4
+FARTHEST: Final = 8.0
+# The end of a period, as rounding has it [rad].
+PERIOD_END: Final = 1e-9
+
 NOTHING, CANDIDATE, LEFT, BEGUN, RESTED, JUMPED, GROWN, NOISY, HOPPED, CALMED = range(10)
 
 SECTION: Final = np.dtype([
@@ -85,8 +94,9 @@ WATCH: Final = np.dtype([
     ('retunes', np.int64), ('retune_index', np.int64), ('since_retune', np.int64),
     ('jumped', np.int64), ('kicked', np.int64), ('loud', np.float64),
     ('hopping', np.int64), ('home', np.int64), ('visited', np.int64), ('next_seek', np.int64),
-    ('looks', np.int64), ('stick_at', np.int64, 2), ('stick_lag', np.int64, 2),
-    ('recurrences', np.int64, LONGEST_ORBIT + 1),
+    ('looks', np.int64), ('draws', np.int64), ('drawn', np.uint32), ('turns', np.int64),
+    ('step', np.float64), ('mean', np.float64), ('squares', np.float64), ('stick_at', np.int64, 2),
+    ('stick_lag', np.int64, 2), ('recurrences', np.int64, LONGEST_ORBIT + 1),
 ], align=True)
 
 
@@ -212,6 +222,34 @@ def is_small_step(a: Record, b: Record, tolerance: float) -> bool:
 
 
 @kernel
+def is_jitter(watch: Record, a: Record, b: Record) -> bool:
+    """Take a retune to `b` from `a`, records of a stream; return whether it is one of jitter."""
+    w = watch
+    step = b.alpha - a.alpha
+    if b.phase > PERIOD_END or (a.beta != b.beta or a.gamma != b.gamma
+                                or a.restitution != b.restitution):
+        w.draws = 0
+        return False
+    if w.draws >= DRAWS:
+        away = b.alpha - w.mean
+        if away * away <= FARTHEST * FARTHEST * w.squares / DRAWS:
+            return True
+        w.draws = 0
+    if w.draws == 0 or np.uint32(b.cycle - w.drawn) != 1:
+        w.draws, w.turns, w.step, w.mean, w.squares = 0, 0, 0.0, 0.0, 0.0
+    w.draws += 1
+    w.drawn = b.cycle
+    w.turns += 1 if step * w.step < 0.0 else 0
+    w.step = step
+    away = b.alpha - w.mean
+    w.mean += away / w.draws
+    w.squares += away * (b.alpha - w.mean)
+    if w.draws == DRAWS and w.turns < TURNS:
+        w.draws = 0
+    return w.draws == DRAWS
+
+
+@kernel
 def begin_transient(watch: Record) -> None:
     """Leave any orbit and count from here; what recurs goes on recurring."""
     watch.locked = watch.resting = watch.next_look = watch.quiet = watch.retunes = 0
@@ -228,6 +266,7 @@ def restart(watch: Record) -> None:
     begin_transient(watch)
     watch.since_retune = watch.jumped = watch.kicked = 0
     watch.time = watch.loud = 0.0
+    watch.draws = 0
     watch.retune_index = watch.stick_at[:] = -1
     watch.stick_lag[:] = watch.recurrences[:] = 0
 
@@ -248,28 +287,32 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
         cycles = np.int64(np.int32(np.uint32(event.cycle) - np.uint32(p.cycle)))
         w.time += elapsed(cycles, p.phase, event.phase)
         is_small = is_small_step(p, event, tolerance)
+        is_drawn = event.kind == RETUNE and is_jitter(w, p, event)
         last[0] = event
         if event.kind == RESET:
             return i + 1, BEGUN, 0
         if event.kind == RETUNE:
             w.retunes += 1
-            w.retune_index = event.index
-            w.since_retune = 0
-            w.jumped = 0 if is_small else 1
-            w.kicked = 0
-            w.next_seek = w.impacts + SOUGHT
-            w.looks = 0
-            if w.hopping == 1:
-                return i + 1, BEGUN, 0
-            if w.locked > 0:
-                # Looked at anew when the parameters have stayed for a while.
-                w.next_look = w.impacts + 2 * w.locked + HOLD
+            if is_drawn:
+                w.kicked = 1
+            else:
+                w.retune_index = event.index
+                w.since_retune = 0
+                w.jumped = 0 if is_small else 1
+                w.kicked = 0
+                w.next_seek = w.impacts + SOUGHT
+                w.looks = 0
+                if w.hopping == 1:
+                    return i + 1, BEGUN, 0
+                if w.locked > 0:
+                    # Looked at anew when the parameters have stayed for a while.
+                    w.next_look = w.impacts + 2 * w.locked + HOLD
             if rests_permanently(event):
                 if w.resting == 0:
                     return i + 1, RESTED, 0
             elif w.resting == 1:
                 return i + 1, BEGUN, 0
-            elif w.locked == 0 and w.jumped:
+            elif w.locked == 0 and w.jumped and not is_drawn:
                 return i + 1, JUMPED, 0
             continue
         if event.kind > STICK:
@@ -306,7 +349,7 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
                 w.next_seek = n + max(AGAIN, (n - w.visited) // 8)
                 w.looks += 1
                 return i + 1, NOISY, 0
-            if w.loud < CALM:
+            if w.loud < CALM and w.draws < DRAWS:
                 return i + 1, CALMED, 0
             continue
         # The flight to the first impact began anywhere: it recurs with nothing.
@@ -347,7 +390,7 @@ def watch_events(watch: Record, history: RecordArray, orbit: RecordArray, last: 
         w.quiet += 1
         if n >= w.next_seek and w.resting == 0:
             w.next_seek = n + max(AGAIN, w.quiet // 8)
-            if w.loud > 0.5:
+            if w.loud > 0.5 or w.draws >= DRAWS:
                 return i + 1, NOISY, 0
         if found > 0 and n >= w.next_look:
             held = w.recurrences[found] if found <= LONGEST_ORBIT else 0
@@ -388,9 +431,11 @@ class TransientDetector:
     Newton's method finds a stable orbit within a quarter of the tolerance of the last period.
     Where noise kicks the impacts, recurrence is enough; through kicks that are not far below the
     tolerance an orbit is recognised as `hops` describes, and the trajectory is on it until it
-    visits the core of another, or none for long: a hop is a report of its own. Longer orbits, of
-    at most 1024 impacts, are looked for whenever a transient is reported. An orbit that sticks is
-    recognised, whatever its number of impacts, when two rounds from stick to stick are the same.
+    visits the core of another, or none for long: a hop is a report of its own. Jitter of alpha is
+    noise, too, once 64 drive periods have shown its mean, at which the orbits are then. Longer
+    orbits, of at most 1024 impacts, are looked for whenever a transient is reported. An orbit that
+    sticks is recognised, whatever its number of impacts, when two rounds from stick to stick are
+    the same.
 
     An orbit is left when an impact is off it and does not recur. A retune does not end it, nor
     does a ramp: it is reported once more when the parameters have stayed for a while. A transient
@@ -520,7 +565,10 @@ class TransientDetector:
         assert self._last is not None
         watch: Any = self._watch[0]
         past, hops = self._past(SOUGHT), self.hops
-        found = sought(past, Parameters.of(self._last[0]))
+        parameters = Parameters.of(self._last[0])
+        if watch['draws'] >= DRAWS:
+            parameters = dataclasses.replace(parameters, alpha=float(watch['mean']))
+        found = sought(past, parameters)
         if found is None or not hops.learn(found[0].canonical(), found[1], past, self._tolerance):
             return None
         now = int(watch['impacts']) - 1

@@ -17,6 +17,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 import itertools
+import math
 import shlex
 import time
 from typing import Any, Final, TypeAlias
@@ -38,10 +39,15 @@ from ...places import typed
 from ...scenes import Step
 
 GET, PUT, RESET, PAUSE = 'get_parameters', 'set_parameters_atomically', 'reset', 'pause'
-SERVICES: Final = {GET: GetParameters, PUT: SetParametersAtomically, RESET: Trigger,
-                   PAUSE: SetBool}
+SHORTER, LET_GO = 'shorter', 'let_go'
+# Of each kind of node that is steered; the last is one that no other kind has.
+SERVICES: Final[Mapping[str, Mapping[str, Any]]] = {
+    'simulator': {GET: GetParameters, PUT: SetParametersAtomically, PAUSE: SetBool,
+                  RESET: Trigger},
+    'control': {GET: GetParameters, PUT: SetParametersAtomically, SHORTER: Trigger,
+                LET_GO: Trigger}}
 _TYPES: Final = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER,
-                 ParameterType.PARAMETER_STRING)
+                 ParameterType.PARAMETER_STRING, ParameterType.PARAMETER_BOOL)
 # How long a simulator may take to be found and to answer, even on a busy machine [s].
 WITHIN: Final = 8.0
 # A service may not know yet where to send its answer when it is discovered: ask again after [s].
@@ -60,10 +66,14 @@ class RefusalError(ClientError):
 class SimulatorClient:
     """Makes one request after the other; where one fails, those that wait are dropped."""
 
-    def __init__(self, node: Node, simulator: str, services: Iterable[str] = SERVICES) -> None:
-        self._node = node
+    def __init__(self, node: Node, simulator: str, services: Iterable[str] = (),
+                 kind: str = 'simulator') -> None:
+        self._node, self._kind = node, kind
+        known = SERVICES[kind]
+        *_, self._mark = known
         self._clients: dict[str, Client] = {
-            name: node.create_client(SERVICES[name], f'{simulator}/{name}') for name in services}
+            name: node.create_client(known[name], f'{simulator}/{name}')
+            for name in services or known}
         self.name = node.resolve_service_name(f'{simulator}/{RESET}').removesuffix(f'/{RESET}')
         self._requests: deque[tuple[Client, Any, Callable[[Any], object]]] = deque()
         # The answers awaited for the first request: several where it was repeated.
@@ -72,14 +82,14 @@ class SimulatorClient:
 
     @property
     def count(self) -> int:
-        return self._node.count_services(f'{self.name}/{RESET}')
+        return self._node.count_services(f'{self.name}/{self._mark}')
 
     @property
     def is_busy(self) -> bool:
         return bool(self._requests)
 
     def get(self, names: Iterable[str], take: Callable[[dict[str, Any]], object]) -> None:
-        """Ask for parameters that are numbers or strings."""
+        """Ask for parameters that are no arrays."""
         names = list(names)
 
         def taken(answer: GetParameters.Response) -> None:
@@ -87,8 +97,8 @@ class SimulatorClient:
             for name, value in values.items():
                 # There are no values at all where a parameter is not known.
                 if value is None or value.type not in _TYPES:
-                    raise ClientError(f'{self.name} is not a gear rattling simulator: it has no '
-                                      f'parameter {name}')
+                    raise ClientError(f'{self.name} is not a gear rattling {self._kind}: it '
+                                      f'has no parameter {name}')
             take({name: parameter_value_to_python(value) for name, value in values.items()})
 
         self._ask(GET, GetParameters.Request(names=names), taken)
@@ -108,7 +118,10 @@ class SimulatorClient:
 
     def reset(self, then: Then = bool) -> None:
         """Reset the state to the initial condition; `then` is given the simulator's answer."""
-        self._ask(RESET, Trigger.Request(), then=then)
+        self.trigger(RESET, then)
+
+    def trigger(self, service: str, then: Then = bool) -> None:
+        self._ask(service, Trigger.Request(), then=then)
 
     def pause(self, paused: bool, then: Then = bool) -> None:
         self._ask(PAUSE, SetBool.Request(data=paused), then=then)
@@ -127,9 +140,10 @@ class SimulatorClient:
             self.forget()
             raise
 
-    def finish(self, executor: Executor) -> None:
-        """Wait for all answers; ClientError where one fails."""
-        while self._requests:
+    def finish(self, executor: Executor, within: float = math.inf) -> None:
+        """Wait for all answers, or some time [s]; ClientError where one fails."""
+        end = time.monotonic() + within
+        while self._requests and time.monotonic() < end:
             self.tick()
             executor.spin_once(timeout_sec=0.02)
 
@@ -154,11 +168,11 @@ class SimulatorClient:
         count, passed = self.count, time.monotonic() - self._since
         if passed > WITHIN:
             raise ClientError(
-                f'no simulator answers as {self.name}; start one with: '
-                + shlex.join(typed('simulator')) if not count else
+                f'no {self._kind} answers as {self.name}; start one with: '
+                + shlex.join(typed(self._kind)) if not count else
                 f'{self.name} has not answered for {WITHIN:g} s' if count == 1 else
-                f'{count} simulators answer as {self.name}; end all but one, or rename one with '
-                '-r __node:=NAME')
+                f'{count} {self._kind}s answer as {self.name}; end all but one, or rename one '
+                'with -r __node:=NAME')
         if count == 1 and client.service_is_ready() and passed >= AGAIN * len(self._answers):
             self._answers.append(client.call_async(message))
 
@@ -172,14 +186,15 @@ class SimulatorClient:
 class Visitor(SimulatorClient):
     """A client for a program without a node: it has a node and a context of its own."""
 
-    def __init__(self, name: str, simulator: str, services: Iterable[str] = SERVICES) -> None:
+    def __init__(self, name: str, simulator: str, services: Iterable[str] = (),
+                 kind: str = 'simulator') -> None:
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node(
             name, context=self._context, enable_rosout=False, start_parameter_services=False)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
-        super().__init__(node, simulator, services)
+        super().__init__(node, simulator, services, kind)
 
     def wait(self) -> None:
         self.finish(self._executor)

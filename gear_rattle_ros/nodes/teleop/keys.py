@@ -63,7 +63,7 @@ class Keys:
 
 
 class Entry:
-    """A line of names and numbers that is being typed."""
+    """A line of names and values that is being typed."""
 
     def __init__(self, question: str) -> None:
         self.question = question
@@ -77,6 +77,6 @@ class Entry:
             self.text = self.text[:-1]
         elif key == 'space':
             self.text += ' '
-        elif len(key) == 1 and (key.isalnum() or key in '._+-'):
+        elif len(key) == 1 and (key.isalnum() or key in '._+-<'):
             self.text += key
         return None

@@ -23,17 +23,15 @@ import threading
 import time
 from typing import Any
 
-from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
-from std_srvs.srv import Trigger
 
 from .keys import Entry, Keys
 from .terminal import Terminal
-from ..base.client import ClientError, RefusalError, SimulatorClient
+from ..base.client import ClientError, LET_GO, PUT, RefusalError, SHORTER, SimulatorClient
 from ..base.errors import UserError
 from ..base.node import BaseNode
 from ..base.process import exit_status, Stop
-from ..steering import LIVE, NUMBERS, require_known, values_of
+from ..steering import KNOWN, LIVE, OF_CONTROL, require_known, values_of
 from ...core.flight.law import Law
 from ...core.words import counted
 from ...places import typed
@@ -47,6 +45,7 @@ SHOWN = ('alpha', 'alpha_target', 'alpha_rate', 'beta', 'gamma', 'restitution', 
          'control')
 # What the arrows may change, in the order of the key.
 STEPPED = ('alpha', 'beta', 'gamma', 'restitution', 'noise')
+NO_CONTROL = f'no control here; start it with: {shlex.join(typed("control"))}'
 # Interval at which the parameters are read, besides every change [s].
 LOOK_EVERY = 0.25
 
@@ -57,6 +56,7 @@ class Teleop(BaseNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('teleop', **options)
         self.simulator = SimulatorClient(self, str(self.values['simulator']))
+        self._holder = SimulatorClient(self, 'control', (PUT, SHORTER, LET_GO), 'control')
         # The parameters of the simulator, none while it is absent, and a remark on it.
         self._values: dict[str, Any] = {}
         self._words = ''
@@ -65,8 +65,6 @@ class Teleop(BaseNode):
         self.is_over = self._is_due = False
         self._scenes = list(load_scenes().values())[:9]
         self._coarse, self._fine = self.number('coarse'), self.number('fine')
-        self._control = {key: self.create_client(Trigger, f'control/{name}')
-                         for key, name in (('o', 'shorter'), ('l', 'let_go'))}
         self._entry: Entry | None = None
         self._entered: Callable[[str], None] = self._begin_ramp
         self._name = STEPPED[0]
@@ -145,12 +143,14 @@ class Teleop(BaseNode):
         is_there = self.simulator.count > 0
         if self._values and not is_there:
             self._lose(f'{self.simulator.name} has gone')
-        try:
-            self.simulator.tick()
-        except RefusalError as error:
-            self._words = str(error).removeprefix(f'{self.simulator.name} ')
-        except ClientError as error:
-            self._lose(str(error))
+        for client in (self.simulator, self._holder):
+            try:
+                client.tick()
+            except ClientError as error:
+                if client is self.simulator and not isinstance(error, RefusalError):
+                    self._lose(str(error))
+                else:
+                    self._words = str(error).removeprefix(f'{self.simulator.name} ')
         if is_there and not self.simulator.is_busy:
             self._ask(now)
         if not self._paused:
@@ -189,7 +189,7 @@ class Teleop(BaseNode):
         if key in MORE + LESS:
             step = self._fine if key.startswith('shift') else self._coarse
             before = self._values[self._name] if self._aim is None else self._aim
-            low, high = NUMBERS[self._name].low, NUMBERS[self._name].high
+            low, high = KNOWN[self._name].low, KNOWN[self._name].high
             assert low is not None and high is not None
             # Steps of 0.01 must lead to multiples of 0.01.
             self._aim = min(max(round(before + (step if key in MORE else -step), 12), low), high)
@@ -204,8 +204,11 @@ class Teleop(BaseNode):
         elif key == 't':
             self._entry = Entry('set (NAME VALUE, or NAME for the arrows; Escape cancels): ')
             self._entered = self._set
-        elif key in self._control:
-            self._ask_control(self._control[key])
+        elif key in ('o', 'l') and not self._holder.count:
+            self._words = NO_CONTROL
+        elif key in ('o', 'l'):
+            self._performance = None
+            self._holder.trigger(SHORTER if key == 'o' else LET_GO, self._note)
         elif key == 'p':
             self._choose(STEPPED[(STEPPED.index(self._name) + 1) % len(STEPPED)])
         elif key.isdigit() and 1 <= int(key) <= len(self._scenes):
@@ -214,14 +217,6 @@ class Teleop(BaseNode):
             self._words, self._is_due = '', False
             if self._paused:
                 self._pause(False)
-
-    def _ask_control(self, client: Client) -> None:
-        if not client.service_is_ready():
-            self._words = f'no control here; start it with: {shlex.join(typed("control"))}'
-            return
-        self._performance = None
-        client.call_async(Trigger.Request()).add_done_callback(
-            lambda answer: self._note(answer.result().message))
 
     def _choose(self, name: str) -> None:
         self._name, self._aim, self._is_due, self._words = name, None, False, f'arrows: {name}'
@@ -232,13 +227,18 @@ class Teleop(BaseNode):
             self._choose(words[0])
             return
         try:
+            require_known(words[::2], LIVE)
             values = values_of(words)
-            require_known(values, LIVE)
         except ValueError as error:
             self._words = str(error)
             return
         self._performance, self._aim, self._is_due, self._words = None, None, False, ''
-        self.simulator.put(values)
+        for client, is_own in ((self.simulator, False), (self._holder, True)):
+            own = {name: value for name, value in values.items() if (name in OF_CONTROL) is is_own}
+            if own and client.count:
+                client.put(own)
+            elif own:
+                self._words = NO_CONTROL
 
     def _begin_ramp(self, text: str) -> None:
         try:
