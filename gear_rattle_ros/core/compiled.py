@@ -88,7 +88,8 @@ def kernel(function: Function) -> Function:
     folder = _folder_for(Path(function.__code__.co_filename))
     config.CACHE_DIR = folder
     try:
-        compiled = numba.njit(cache=folder != '', nogil=True, error_model='numpy')(function)
+        compiled = numba.njit(cache=folder != '', nogil=True, error_model='numpy',
+                              no_cfunc_wrapper=True)(function)
     finally:
         config.CACHE_DIR = others
     return cast(Function, compiled)

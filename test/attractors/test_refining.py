@@ -53,8 +53,10 @@ def catalogue() -> Catalogue:
 def test_slices_and_rounds_change_nothing(
         catalogue: Catalogue, rounds: tuple[int, ...], is_mixed: bool) -> None:
     """One pass gives the labels; lifetimes too, unless a round ends on the way to an orbit."""
-    level = level_of(catalogue.parameters, seconds=0.01, is_mixed=is_mixed, slice_impacts=1000)
-    shown = [each.left.size for each, _, _ in refine([(level, catalogue)], rounds=rounds)]
+    # A slice takes longer than this by itself, so each is shown.
+    level = level_of(catalogue.parameters, seconds=1e-3, is_mixed=is_mixed, slice_impacts=1000)
+    shown = [each.left.size for each, _, _ in refine(
+        [(level, catalogue)], rounds=rounds, threads=1)]
     assert len(shown) > 2 and shown == sorted(shown, reverse=True)
     whole = catalogue.label(level_of(catalogue.parameters).states, CAP)
     assert np.array_equal(level.labels.ravel(), whole['label'])

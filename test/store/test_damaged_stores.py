@@ -89,13 +89,14 @@ def flip(file: Path, place: int = -6) -> None:
     file.write_bytes(content)
 
 
-@pytest.mark.parametrize('after', [0.1, 0.3, 0.5])
+@pytest.mark.parametrize('after', [
+    0.3, *(pytest.param(after, marks=pytest.mark.long) for after in (0.1, 0.5))])
 def test_killed_in_the_middle(tmp_path, after):
     """A process that is killed leaves whole tiles that count and nothing that does not."""
     path = tmp_path / 'a.zarr'
     code = (f'import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); '
             'from pathlib import Path; from test_damaged_stores import compute; '
-            f'print(flush=True); compute(Path({str(path)!r}), False, pause=0.05)')
+            f'print(flush=True); compute(Path({str(path)!r}), False, pause=0.2)')
     process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE)
     process.stdout.readline()
     deadline = time.monotonic() + 60.0

@@ -92,6 +92,7 @@ def test_draws_have_unit_variance_and_their_bounds():
     assert scipy.stats.kstest(drawn, 'norm').pvalue > 1e-3
 
 
+@pytest.mark.long
 def test_mean_stays_are_those_of_the_noisy_map_on_cells(known, cores):
     """Within 5 %: the stationary flux between the cores, by the matrix of transitions."""
     random = np.random.default_rng(1)
