@@ -137,8 +137,10 @@ def jacobian(z: FloatArray, walls: IntArray, base: Model, x: int, y: int, is_hal
         beside[k] = z[k] + DIFFERENCE
         above = residual(beside, walls, base, x, y, is_half, test, place)
         beside[k] = z[k] - DIFFERENCE
-        matrix[:, k] = (above - residual(beside, walls, base, x, y, is_half, test, place)) / (
-            2.0 * DIFFERENCE)
+        below = residual(beside, walls, base, x, y, is_half, test, place)
+        # Item by item: to subtract whole arrays takes seconds to compile.
+        for j in range(len(below)):
+            matrix[j, k] = (above[j] - below[j]) / (2.0 * DIFFERENCE)
     return matrix
 
 
