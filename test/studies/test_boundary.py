@@ -109,6 +109,7 @@ def test_where_there_is_no_boundary():
     assert 'smooth' not in describe(dataset)
 
 
+@pytest.mark.long
 def test_probes_are_counted_where_that_was_stopped(tmp_path):
     """A count that is missing is made again, to the same number, and the others stay."""
     def counted():

@@ -68,7 +68,7 @@ def fold(beta, gamma, r):
 
 
 @pytest.mark.parametrize(('words', 'axis'), [
-    ('--alpha 0.055 --gamma 0.105 0.115', 'gamma'),
+    pytest.param('--alpha 0.055 --gamma 0.105 0.115', 'gamma', marks=pytest.mark.long),
     pytest.param('--alpha 0.055 --restitution 0.87 0.9', 'restitution', marks=pytest.mark.long),
     pytest.param('--alpha 0.05 --beta 0.09 0.11', 'beta', marks=pytest.mark.long),
     ('--alpha 0.045 0.055 --gamma 0.09 0.095 --beta 0.11 0.1', 'path')])
