@@ -43,6 +43,9 @@ export CHECK
 run: $(VENV)/run.stamp
 	@$(BIN)/python -S tools/foreground.py $(BIN)/gear_rattle suite $(ARGS)
 
+# The workers have all cores already.
+test test-long: export OPENBLAS_NUM_THREADS := 1
+
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 

@@ -29,6 +29,9 @@ from .private import private_folder
 
 # All kernels take about 70 MB [bytes].
 ROOM: Final = 100 << 20
+# Nothing in C calls a kernel: what is left out for that is a twelfth of the compilation.
+OPTIONS: Final[dict[str, Any]] = {
+    'nogil': True, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
 # An import from this package, in its only form: the dots and the module.
 IMPORTED: Final = re.compile(r'^from (\.+)([\w.]+) import', re.MULTILINE)
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -88,7 +91,7 @@ def kernel(function: Function) -> Function:
     folder = _folder_for(Path(function.__code__.co_filename))
     config.CACHE_DIR = folder
     try:
-        compiled = numba.njit(cache=folder != '', nogil=True, error_model='numpy')(function)
+        compiled = numba.njit(cache=folder != '', **OPTIONS)(function)
     finally:
         config.CACHE_DIR = others
     return cast(Function, compiled)

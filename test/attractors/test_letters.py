@@ -42,16 +42,17 @@ def letters_at(alpha: float, **others: float) -> dict[str, tuple[str, int, int]]
 
 
 @pytest.mark.parametrize(('alpha', 'expected'), [
-    (0.47, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1)}),
+    pytest.param(0.47, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1)}, marks=pytest.mark.long),
     (0.4938, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1)}),
     (0.494, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1), 'C': ('periodic', 3, 1)}),
     (0.512, {'A': ('periodic', 3, 1), 'B': ('periodic', 2, 1), 'C': ('periodic', 6, 2)}),
-    (0.54, {'A': ('periodic', 3, 1), 'B': ('periodic', 4, 2)}),
+    pytest.param(0.54, {'A': ('periodic', 3, 1), 'B': ('periodic', 4, 2)}, marks=pytest.mark.long),
     # A small attractor of 12 impacts in 6 drive periods lies in the folds of B.
     (0.5635, {'A': ('periodic', 3, 1), 'B': ('periodic', 16, 8)}),
     (0.567, {'A': ('periodic', 3, 1), 'B': ('chaotic', 0, 0)}),
-    (0.57, {'A': ('periodic', 3, 1), 'B': ('chaotic', 0, 0)}),
-    (0.59, {'A': ('periodic', 3, 1)}), (0.45, {'A': ('periodic', 3, 1)}), (1.244, {})])
+    pytest.param(0.57, {'A': ('periodic', 3, 1), 'B': ('chaotic', 0, 0)}, marks=pytest.mark.long),
+    (0.59, {'A': ('periodic', 3, 1)}), (1.244, {}),
+    pytest.param(0.45, {'A': ('periodic', 3, 1)}, marks=pytest.mark.long)])
 def test_letters_are_those_of_the_paper(alpha: float, expected: dict) -> None:
     """A in the whole range; B until it ends at 0.57229; C from 0.49392 to 0.51601."""
     found = letters_at(alpha)

@@ -16,11 +16,14 @@
 
 from collections.abc import Iterator
 import dataclasses
+import itertools
 import time
+import types
 
 import numpy as np
 import pytest
 
+from gear_rattle_ros.attractors import refining
 from gear_rattle_ros.attractors.catalogue import Catalogue
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
@@ -53,13 +56,26 @@ def catalogue() -> Catalogue:
 def test_slices_and_rounds_change_nothing(
         catalogue: Catalogue, rounds: tuple[int, ...], is_mixed: bool) -> None:
     """One pass gives the labels; lifetimes too, unless a round ends on the way to an orbit."""
-    level = level_of(catalogue.parameters, seconds=0.01, is_mixed=is_mixed, slice_impacts=1000)
-    shown = [each.left.size for each, _, _ in refine([(level, catalogue)], rounds=rounds)]
+    # A slice takes longer than this by itself, so each is shown.
+    level = level_of(catalogue.parameters, seconds=1e-3, is_mixed=is_mixed, slice_impacts=1000)
+    shown = [each.left.size for each, _, _ in refine(
+        [(level, catalogue)], rounds=rounds, threads=1)]
     assert len(shown) > 2 and shown == sorted(shown, reverse=True)
     whole = catalogue.label(level_of(catalogue.parameters).states, CAP)
     assert np.array_equal(level.labels.ravel(), whole['label'])
     later = level.lifetimes.ravel() - whole['lifetime']
     assert np.all(later >= 0) and np.mean(later == 0) > (0.8 if rounds else 0.999999)
+
+
+def test_a_level_is_completed_where_others_have_the_processor(
+        catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its time is over at the second look at the clock, but a slice is made each time."""
+    looks = itertools.count()
+    monkeypatch.setattr(refining, 'time', types.SimpleNamespace(monotonic=lambda: next(looks)))
+    level = level_of(catalogue.parameters, seconds=1.5, slice_impacts=1000)
+    shown = [each.left.size for each, _, _ in itertools.islice(
+        refine([(level, catalogue)], threads=1), 100)]
+    assert shown[-1] == 0 and len(shown) > 2
 
 
 def test_what_was_not_looked_at_is_unsettled_or_as_it_was(catalogue: Catalogue) -> None:

@@ -123,7 +123,7 @@ def check(path: Path, output: Path) -> None:
     assert read_bag(path).tobytes() == EVENTS.tobytes()
 
 
-@pytest.mark.parametrize('layout', [*SPECIAL, *ALL[::17]], ids=str)
+@pytest.mark.parametrize('layout', [*SPECIAL, *ALL[::37]], ids=str)
 def test_a_layout_is_read_whole(layout: Layout, tmp_path: Path) -> None:
     """Some of the matrix, and what it does not have."""
     check(written(tmp_path / 'bag.mcap', layout), tmp_path / 'out')
@@ -248,7 +248,7 @@ def test_log_times_may_do_anything(
         assert len(played(each)) == 18
         if set_back != 3600 or times[1] < START + SECOND:
             assert bag.end - bag.start <= 9 * STEP
-            assert len(played(each, 1.0)) == 18
+            assert len(played(each, 10.0)) == 18
 
 
 @pytest.mark.parametrize('order', [[1, 0, 2, 4, 3, 5, 8, 7, 6], [8, *range(8)]])

@@ -164,7 +164,7 @@ def test_a_store_is_named_after_its_question(tool, options, name, monkeypatch):
 
 
 @pytest.mark.parametrize(('tool', 'options', 'grids'), [
-    ('basins', '--alpha 1.244 --cap 1000 --initial-conditions 64 --hold 1000',
+    ('basins', '--alpha 1.244 --cap 1000 --initial-conditions 16 --hold 1000',
      ('label', 'lifetime')),
     pytest.param('lifetimes', '--cap 4000 --initial-conditions 64 --hold 4000',
                  ('label', 'lifetime', 'survival'), marks=pytest.mark.long),

@@ -155,7 +155,9 @@ def by_bisection(states, found):  # type: ignore[no-untyped-def]
             d += step
             velocity = speed if wall == UPPER else -speed
             stretches += 1
-        found[i] = np.array((d, velocity, float(wall), float(stretches), float(most), float(last)))
+        # One by one: to copy an array takes seconds to compile.
+        found[i, 0], found[i, 1], found[i, 2] = d, velocity, wall
+        found[i, 3], found[i, 4], found[i, 5] = stretches, most, last
 
 
 @numba.njit
@@ -165,7 +167,7 @@ def by_search(states, found):  # type: ignore[no-untyped-def]
         phase, s, v, alpha, beta, gamma = states[i]
         d, effort, velocity, wall = search_impact(
             0.0, 0, LEG, phase, s, v, Model(alpha, beta, gamma, 1.0))
-        found[i] = np.array((d, velocity, float(wall), float(effort)))
+        found[i, 0], found[i, 1], found[i, 2], found[i, 3] = d, velocity, wall, effort
 
 
 @pytest.mark.long

@@ -104,7 +104,8 @@ def grazes(seed: int, count: int, model: Model) -> list[tuple[int, float, float]
     return found[:count]
 
 
-@pytest.mark.parametrize('model', MODELS[:3])
+@pytest.mark.parametrize('model', [
+    *MODELS[:1], *(pytest.param(model, marks=pytest.mark.long) for model in MODELS[1:3])])
 @pytest.mark.parametrize('grazing', [False, True])
 def test_impact_before_in_50_digits(model: Model, grazing: bool) -> None:
     """No wall is met in between, also where the flight nearly touches one."""

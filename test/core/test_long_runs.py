@@ -38,7 +38,8 @@ def sample_of(setting: np.ndarray, count: int, seed: int) -> np.ndarray:
     return samples.samples(samples.own_rows(states, setting, IMPACTS, PERIODS), count, setting[3])
 
 
-@pytest.mark.parametrize('setting', SETTINGS)
+@pytest.mark.parametrize('setting', [
+    *SETTINGS[:2], *(pytest.param(each, marks=pytest.mark.long) for each in SETTINGS[2:])])
 def test_samples_and_first_impacts_equal_those_of_scipy(setting: np.ndarray) -> None:
     """Independent trajectories are of one distribution; the same ones begin equally."""
     states = samples.random_states(TRAJECTORIES, 1)
@@ -50,7 +51,9 @@ def test_samples_and_first_impacts_equal_those_of_scipy(setting: np.ndarray) -> 
     assert count > 1.5 * TRAJECTORIES and worst < 1e-10
 
 
-@pytest.mark.parametrize('change', [(0.0, 0.0, 0.0, -0.02), (0.0, 0.0, -0.2, 0.0)])
+@pytest.mark.parametrize('change', [
+    (0.0, 0.0, 0.0, -0.02),
+    pytest.param((0.0, 0.0, -0.2, 0.0), marks=pytest.mark.long)])
 def test_wrong_restitution_or_sign_of_gamma_are_seen(change: tuple[float, ...]) -> None:
     """The same comparison refuses what is a little wrong, and nothing else."""
     setting = SETTINGS[0]

@@ -270,7 +270,7 @@ def test_flights_longer_than_64_periods(alpha: float, gamma: float) -> None:
         assert -1.0 < path.min() and path.max() < 0.0
 
 
-@pytest.mark.parametrize('beta', [0.0, 0.1])
+@pytest.mark.parametrize('beta', [0.0, pytest.param(0.1, marks=pytest.mark.long)])
 def test_a_flight_without_any_impact_does_not_hang(beta: float) -> None:
     """A gear that always oscillates between the walls: no event in 2^31 - 1 periods."""
     alpha = 0.3

@@ -111,7 +111,7 @@ def test_the_page_shows_every_figure_with_its_command(drawn):
 
 def test_the_page_of_the_documents_has_the_pictures_as_they_are(drawn, tmp_path):
     page = tmp_path / 'figures.md'
-    assert main(['3', '--recipes', str(drawn.parent / 'recipes'), '--output', str(drawn),
+    assert main(['table', '--recipes', str(drawn.parent / 'recipes'), '--output', str(drawn),
                  '--page', str(page)]) == 0
     text = page.read_text()
     assert f'--page {page}' in text and 'orbit-3-1-U4.0915+0.6273' in text
@@ -160,7 +160,7 @@ def test_the_impacts_of_one_trajectory_are_drawn_in_turn(drawn):
 
 def test_a_page_of_figures_that_were_not_made_is_refused(tmp_path, drawn, capsys):
     recipes = str(drawn.parent / 'recipes')
-    assert main(['3', '--recipes', recipes, '--output', str(tmp_path / 'none'), '--page',
+    assert main(['table', '--recipes', recipes, '--output', str(tmp_path / 'none'), '--page',
                  str(tmp_path / 'y.md')]) == 2
     assert 'has not been made' in capsys.readouterr().err
 

@@ -54,7 +54,7 @@ COMMANDS = {
 }
 TITLE = 'Gears & walls, λ < 0'
 every_tool = pytest.mark.parametrize('tool', [
-    pytest.param(tool, marks=() if tool in ('basins', 'crisis', 'motion') else pytest.mark.long)
+    pytest.param(tool, marks=() if tool in ('basins', 'crisis') else pytest.mark.long)
     for tool in PICTURES])
 
 

@@ -125,6 +125,7 @@ def test_a_hold_counts_the_corrections_in_the_stream(planner, acts):
         np.sum(np.abs(changes)), abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_node_holds_one_orbit_after_another_and_the_bag_verifies(
         start, rclpy_node, spin, tmp_path):
     """Two impacts, then four, through a change of alpha, and let go; every record is proved."""

@@ -32,8 +32,11 @@ from gear_rattle_ros.nodes.base.process import woken
 PROGRAM = """
 import ctypes
 import sys
-from gear_rattle_ros.nodes.base.process import run_node
+from gear_rattle_ros.nodes.base import process
 from gear_rattle_ros.nodes.lyapunov import Lyapunov
+
+
+process.ENDED_WITHIN = 1.0
 
 
 class Hanging(Lyapunov):
@@ -44,7 +47,7 @@ class Hanging(Lyapunov):
         ctypes.PyDLL(None).sleep(600)
 
 
-sys.exit(run_node('lyapunov', Hanging, []))
+sys.exit(process.run_node('lyapunov', Hanging, []))
 """
 
 

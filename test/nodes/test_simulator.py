@@ -157,7 +157,7 @@ def test_ends_quietly(start, number):
 def test_a_wait_for_readers_is_logged_and_ends(start, reader):
     """Who is there is named; a reader that never comes does not hold the run up."""
     node = start('simulator', '--ros-args', '-p', 'wait_for_readers:=2', '-p',
-                 'wait_at_most:=6.0', '-p', 'rate:=300.0')
+                 'wait_at_most:=3.0', '-p', 'rate:=300.0')
     assert len(reader.until(50)) >= 50
     assert f'1 of 2 readers of impacts are there ({reader.node.get_name()})' in node.text()
     assert 'begins without the others' in node.text()

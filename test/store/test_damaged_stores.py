@@ -89,7 +89,8 @@ def flip(file: Path, place: int = -6) -> None:
     file.write_bytes(content)
 
 
-@pytest.mark.parametrize('after', [0.1, 0.3, 0.5])
+@pytest.mark.parametrize('after', [
+    0.3, *(pytest.param(after, marks=pytest.mark.long) for after in (0.1, 0.5))])
 def test_killed_in_the_middle(tmp_path, after):
     """A process that is killed leaves whole tiles that count and nothing that does not."""
     path = tmp_path / 'a.zarr'

@@ -72,7 +72,8 @@ def assert_same(found, expected, as_kept=None):
 
 
 @pytest.mark.parametrize('tool', [
-    pytest.param(tool, marks=pytest.mark.long if tool is crisis else ()) for tool in SMALL])
+    pytest.param(tool, marks=pytest.mark.long if tool in (boundary, crisis) else ())
+    for tool in SMALL])
 def test_what_a_tool_writes_is_what_xarray_reads(tool, tmp_path):
     """Neither 0 nor -1 is missing, nothing is warned of, and the oldest NetCDF holds it."""
     path, copy = tmp_path / 'a.zarr', tmp_path / 'a.nc'

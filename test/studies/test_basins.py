@@ -75,7 +75,7 @@ def test_resume_gives_the_same_store(tmp_path, reference):
     assert kept.stat().st_mtime_ns == before
 
 
-@pytest.mark.parametrize('tile', [9, 48])
+@pytest.mark.parametrize('tile', [pytest.param(9, marks=pytest.mark.long), 24, 48])
 def test_what_the_search_has_missed_is_found_in_the_grid(tmp_path, reference, tile):
     """With one random initial condition the tiles find the other attractor; labels agree."""
     search = {'initial_conditions': 1, 'cap': 1500, 'tile': tile}
@@ -231,7 +231,8 @@ def test_the_dataset_describes_itself(reference):
     assert np.array_equal(dataset['phase'], PLANE.across_values())
 
 
-@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('seed', [
+    1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))])
 def test_every_cell_is_in_the_table(seed):
     """Also what rests, where the one random initial condition has reached something else."""
     grid = basins(Parameters(alpha=0.09), Plane(phases=9, velocities=9), initial_conditions=1,

@@ -49,6 +49,7 @@ def test_triplets_boxes_and_the_saddle_agree(alpha):
     assert 'the boundary in a disc is not that' in describe(dataset)
 
 
+@pytest.mark.long
 def test_three_basins_share_one_boundary(tmp_path, capsys):
     """At 0.50 there are A, B and C, and a boundary with more than ln 2 in its boxes is fractal."""
     words = ('--alpha 0.5 --size 125 --distances 1e-5 1e-2 --per-decade 1 --error 0.1 --cap 4000 '
@@ -129,6 +130,7 @@ def test_where_there_is_no_boundary():
     assert 'smooth' not in describe(dataset)
 
 
+@pytest.mark.long
 def test_probes_are_counted_where_that_was_stopped(tmp_path):
     """A count that is missing is made again, to the same number, and the others stay."""
     def counted():

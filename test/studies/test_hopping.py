@@ -92,6 +92,7 @@ def test_draws_have_unit_variance_and_their_bounds():
     assert scipy.stats.kstest(drawn, 'norm').pvalue > 1e-3
 
 
+@pytest.mark.long
 def test_mean_stays_are_those_of_the_noisy_map_on_cells(known, cores):
     """Within 5 %: the stationary flux between the cores, by the matrix of transitions."""
     random = np.random.default_rng(1)
@@ -179,6 +180,7 @@ def test_noise_that_is_faint_leaves_the_basins_as_they_are(known):
     assert float(strong['probability'].std(('velocity', 'phase')).max()) < 0.1
 
 
+@pytest.mark.long
 def test_the_smallest_noise_that_leaves_is_bracketed():
     """At its upper end the simulator of that seed leaves in time; B is left before A."""
     dataset = hopping(P, noise=[0.03], impacts=100, trajectories=16, stays=1, smallest=400)

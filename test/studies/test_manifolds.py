@@ -100,6 +100,7 @@ def test_first_touch_is_where_the_curves_begin_to_cross():
         assert (first_crossing(unstable, stable) is not None) == (aside > 0.0)
 
 
+@pytest.mark.long
 def test_a_window_without_a_first_touch_is_refused():
     """Fractal at both ends."""
     orbit = find_saddle(P, key=B_AND_PARTNER[1])

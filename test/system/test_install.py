@@ -92,7 +92,9 @@ INSTALLS = {
 
 
 @pytest.fixture(scope='module', params=[
-    pytest.param('pip', marks=pytest.mark.long), 'pip-editable', 'colcon',
+    # make has installed in the second way what the other tests run.
+    pytest.param('pip', marks=pytest.mark.long),
+    pytest.param('pip-editable', marks=pytest.mark.long), 'colcon',
     pytest.param('colcon-symlink', marks=pytest.mark.long)])
 def kind(request: pytest.FixtureRequest) -> str:
     """Name one of the ways to install."""

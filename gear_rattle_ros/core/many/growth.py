@@ -83,7 +83,8 @@ def grow(tile: Record, initial: RecordArray, count: int, exponents: FloatArray) 
                         stuck = True
                         break
                     scale[n] += logarithm(size)
-                    product[n] /= size
+                    for j in range(4):
+                        product[n, j] /= size
             if stuck or tile.end[i] == lanes.RESTS:
                 exponents[n] = -math.inf
             elif tile.end[i] == lanes.FLOATS:

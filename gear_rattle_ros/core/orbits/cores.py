@@ -15,6 +15,7 @@
 """The core of a stable orbit: balls round its points from which nearly all trajectories settle."""
 
 from collections.abc import Callable
+import functools
 from typing import Final
 
 import numpy as np
@@ -53,8 +54,14 @@ def widest(is_core: Callable[[FloatArray], bool], smallest: float) -> float:
 
 def radius_of(orbit: Orbit, smallest: float) -> float:
     """Return the radius of the balls that are the core of an orbit that does not stick [1]."""
-    return widest(lambda shifts: _is_core(
-        orbit.walls, orbit.points, shifts, orbit.parameters.model), smallest)
+    return _radius(orbit.walls.tobytes(), orbit.points.tobytes(), orbit.parameters.model, smallest)
+
+
+# Each run of a bag meets the same orbits again.
+@functools.lru_cache(maxsize=64)
+def _radius(walls: bytes, points: bytes, model: Model, smallest: float) -> float:
+    there = np.frombuffer(walls, np.int64).copy(), np.frombuffer(points).reshape(-1, 2).copy()
+    return widest(lambda shifts: _is_core(*there, shifts, model), smallest)
 
 
 @kernel

@@ -193,7 +193,8 @@ def seek(first: int, end: int, fastest: float, rings: Rings, model: Model
                     rings.seeds[k] += 1
                     settled |= step < SETTLED and abs(a + d) < 1.0 + (a * d - b * c) < 2.0
                     continue
-                ring[:q] = path[n:n + q]
+                for k in range(q):
+                    ring[k, 0], ring[k, 1] = path[n + k, 0], path[n + k, 1]
                 if close_ring(on_walls[n:n + q], ring[:q], REACH, model):
                     rings, known = keep(on_walls[n:n + q], ring[:q], 1, rings, known)
             n += 1
@@ -204,7 +205,8 @@ def seek(first: int, end: int, fastest: float, rings: Rings, model: Model
 def join(rings: Rings, seeds: IntArray, new: Rings) -> Rings:
     """Add seeds of the first rings, and rings that may be there."""
     rings, known = slice_of(rings, 0, len(rings.impacts)), len(rings.impacts)
-    rings.seeds[:len(seeds)] += seeds
+    for i in range(len(seeds)):
+        rings.seeds[i] += seeds[i]
     for i in range(len(new.impacts)):
         q = new.impacts[i]
         rings, known = keep(new.walls[i, :q], new.points[i, :q], new.seeds[i], rings, known)
@@ -236,7 +238,8 @@ def splice(rings: Rings, model: Model) -> Rings:
             for one in range(q):
                 row, at = (i, here + one) if one < p else (j, there + one - p)
                 at %= rings.impacts[row]
-                on_walls[one], ring[one] = rings.walls[row, at], rings.points[row, at]
+                on_walls[one] = rings.walls[row, at]
+                ring[one, 0], ring[one, 1] = rings.points[row, at, 0], rings.points[row, at, 1]
             if close_ring(on_walls[:q], ring[:q], REACH, model):
                 rings, known = keep(on_walls[:q], ring[:q], 1, rings, known)
     return slice_of(rings, 0, known)
@@ -274,7 +277,9 @@ def keep(on_walls: IntArray, ring: FloatArray, count: int, rings: Rings, known: 
     if known == len(rings.impacts):
         rings = slice_of(rings, 0, known + ROOM)
     rings.impacts[known], rings.seeds[known] = q, count
-    rings.walls[known, :q], rings.points[known, :q] = on_walls, ring
+    for k in range(q):
+        rings.walls[known, k] = on_walls[k]
+        rings.points[known, k, 0], rings.points[known, k, 1] = ring[k, 0], ring[k, 1]
     return rings, known + 1
 
 
@@ -284,10 +289,13 @@ def slice_of(rings: Rings, first: int, end: int) -> Rings:
     n, q, old = end - first, rings.walls.shape[1], min(end, len(rings.impacts))
     copy = Rings(np.zeros((n, q), np.int64), np.zeros((n, q, 2)), np.zeros(n, np.int64),
                  np.zeros(n, np.int64))
-    copy.walls[:old - first], copy.points[:old - first] = (
-        rings.walls[first:old], rings.points[first:old])
-    copy.impacts[:old - first], copy.seeds[:old - first] = (
-        rings.impacts[first:old], rings.seeds[first:old])
+    # Item by item: to copy whole arrays takes seconds to compile.
+    for i in range(old - first):
+        copy.impacts[i], copy.seeds[i] = rings.impacts[first + i], rings.seeds[first + i]
+        for k in range(q):
+            copy.walls[i, k] = rings.walls[first + i, k]
+            copy.points[i, k, 0] = rings.points[first + i, k, 0]
+            copy.points[i, k, 1] = rings.points[first + i, k, 1]
     return copy
 
 

@@ -156,7 +156,10 @@ def jacobian(z: FloatArray, kind: Kind) -> FloatArray:
         beside[k] = z[k] + DIFFERENCE
         above = residual(beside, kind)
         beside[k] = z[k] - DIFFERENCE
-        matrix[:, k] = (above - residual(beside, kind)) / (2.0 * DIFFERENCE)
+        below = residual(beside, kind)
+        # Item by item: to subtract whole arrays takes seconds to compile.
+        for j in range(len(below)):
+            matrix[j, k] = (above[j] - below[j]) / (2.0 * DIFFERENCE)
     return matrix
 
 
