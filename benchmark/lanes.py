@@ -44,7 +44,7 @@ import numba
 import numpy as np
 
 from gear_rattle_ros.core.arrays import RecordArray
-from gear_rattle_ros.core.flight import lanes, lanes_step, stretches
+from gear_rattle_ros.core.flight import lanes, lanes_step, lanes_stride, stretches
 from gear_rattle_ros.core.flight.lanes import INITIAL, new_impacts, new_tiles, NO_IMPACTS, refill
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.flight.simulation import Simulation
@@ -73,7 +73,7 @@ ROOT = Path(__file__).parents[1]
 RACE = ROOT / 'benchmark' / 'peers' / 'lanes_race.py'
 # What the C kernel shares with the Python files.
 SHARED = {
-    lanes_step: ('LANES', 'VECTOR', 'ROUNDS', 'WAITS', 'SEARCHED', 'STICKING_SPEED'),
+    lanes_stride: ('LANES', 'VECTOR', 'ROUNDS', 'WAITS', 'SEARCHED', 'STICKING_SPEED'),
     stretches: ('BLUR', 'REMAINDER', 'REMAINDER_1', 'STRIKES', 'ASIDE', 'LAST_ERROR', 'NEAREST',
                 'SERIES_MAXIMUM', 'OPEN', 'BRACKETED', 'TURNS', 'FURTHER'),
 }

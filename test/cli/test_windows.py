@@ -38,7 +38,7 @@ def test_windows_that_are_none_are_refused(words, said):
         options.path_of(parse(words, ((0.47, 0.6),)))
 
 
-def parse(words, windows=()):
+def parse(words, windows=None):
     """Read the options of the model."""
     parser = Parser('tool')
     options.add_model(parser, windows=windows)

@@ -27,7 +27,7 @@ import pytest
 from reference import DIGITS, Flight
 
 from gear_rattle_ros.core.arrays import RecordArray
-from gear_rattle_ros.core.flight import lanes_step
+from gear_rattle_ros.core.flight import lanes_step, lanes_stride
 from gear_rattle_ros.core.flight.closed_form import displace
 from gear_rattle_ros.core.flight.elementary import sine_cosine, TWO_PI
 from gear_rattle_ros.core.flight.lanes import (
@@ -298,7 +298,7 @@ def test_every_loop_is_vectorised() -> None:
     record = numba.typeof(new_tiles(1)[0])
     codes = []
     kernels: tuple[tuple[Any, Any], ...] = (
-        (lanes_step.step, ()), (lanes_step.stride, (numba.int64,)))
+        (lanes_step.step, ()), (lanes_stride.stride, (numba.int64,)))
     for function, others in kernels:
         fresh = numba.njit(error_model='numpy', nogil=True)(function.py_func)
         fresh.compile((record, *others))

@@ -172,7 +172,8 @@ def test_impacts_lie_on_their_planes_and_not_on_the_strobe() -> None:
              for each, point in ((view, (x, v)), (View(on='impact'), (x, v)),
                                  (View(on='section'), (x, -0.9 * v)))]
     (x, after, _, to), (same, before, _, other) = drawn[0][0], drawn[1][0]
-    assert x == same and np.allclose([after, to], -0.9 * np.array([before, other]), atol=1e-6)
+    assert x == pytest.approx(same)
+    assert np.allclose([after, to], -0.9 * np.array([before, other]), atol=1e-6)
     assert np.allclose(drawn[2], drawn[0], atol=1e-6)
 
 

@@ -79,7 +79,8 @@ def test_digest_holds_the_run() -> None:
     words = [in_words(word) for word in digest.words]
     assert words[0] == 'impact 0, alpha 0.57: a transient begins'
     retuned = impact_count(np.concatenate(batches[:30]))
-    assert f'impact {retuned:,}, alpha 1.244: a transient begins' in words
+    assert any(word.startswith(f'impact {retuned:,}, alpha 1.244: a transient begins')
+               for word in words)
     assert digest.guard.lost == 0
 
 

@@ -38,7 +38,7 @@ NAMES = ('lambda_1', 'lambda_2', 'lambda_1_error', 'lambda_2_error', 'sum', 'exa
 @pytest.fixture(scope='module')
 def events():
     """Return a stretch of the stream with a retune in it."""
-    simulation = Simulation(Parameters(alpha=1.23), State(velocity=-1.0))
+    simulation = Simulation(Parameters(alpha=1.23), State(velocity=-1.04))
     first = simulation.advance(10**8, 0.0, 5000)
     return np.concatenate([
         first, simulation.retune(Parameters(alpha=0.48)),

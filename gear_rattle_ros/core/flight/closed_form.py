@@ -114,6 +114,12 @@ def strikes_at_once(s0: float, v0: float) -> bool:
 
 
 @kernel
+def may_be_short(phase: float, s0: float, v0: float) -> bool:
+    """Whether the zeros of the force can be looked at from here: in the first drive period."""
+    return 0.0 <= phase < TWO_PI and not strikes_at_once(s0, v0)
+
+
+@kernel
 def departure(sin_p: float, cos_p: float, model: Model) -> float:
     """Return a time [1] in which a gear that leaves a wall from rest surely meets no wall."""
     # The force is away from the wall, or zero but for rounding: the gear leaves by the

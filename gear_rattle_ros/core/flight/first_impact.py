@@ -25,7 +25,7 @@ import math
 from typing import Final
 
 from .advancement import aim, close_in, is_slow, leap, look_ahead, stop_ahead, stop_behind
-from .closed_form import departure, displace, later, LOWER, NO_WALL, strikes_at_once, UPPER
+from .closed_form import departure, displace, later, LOWER, may_be_short, NO_WALL, UPPER
 from .elementary import arctangent, sine_cosine, TWO_PI
 from .stretches import short_way, Stretches, stretches_of
 from ..compiled import kernel
@@ -126,7 +126,7 @@ def search_along(d: float, effort: int, d_stop: float, phase: float, s0: float, 
     sin_p, cos_p = sine_cosine(phase)
     if d == 0.0 and v0 == 0.0 and (s0 == 0.0 or s0 == -1.0):
         d = departure(sin_p, cos_p, model)
-    elif d == 0.0 and effort == 0 and stretches.use > 0.0 and not strikes_at_once(s0, v0):
+    elif d == 0.0 and effort == 0 and stretches.use > 0.0 and may_be_short(phase, s0, v0):
         effort = 1
         hits, d, velocity = short_way(phase, sin_p, cos_p, s0, v0, model, stretches)
         if hits:

@@ -37,10 +37,10 @@ from .closed_form import (
     later,
     LEG,
     LEG_PERIODS,
+    may_be_short,
     NO_WALL,
     rebound,
     release_delay,
-    strikes_at_once,
     UPPER,
 )
 from .elementary import sine_cosine, TWO_PI
@@ -52,11 +52,10 @@ from .lanes_step import (
     SEARCHED,
     step,
     step_slots,
-    stretches_in,
-    stride,
     TILE,
     VECTOR,
 )
+from .lanes_stride import stretches_in, stride
 from .noise import draw
 from .stretches import stretches_of
 from ..arrays import IntArray, Record, RecordArray
@@ -150,7 +149,7 @@ def settle(tile: Record, i: int) -> None:
     """Prepare a lane whose flight begins: the gear may first rest on a wall, or permanently."""
     displacement = tile.displacement[i]
     look_first_at(tile, i)
-    if strikes_at_once(displacement, tile.velocity[i]):
+    if not may_be_short(tile.phase[i], displacement, tile.velocity[i]):
         tile.search[i] = SEARCHED
     at_rest = tile.velocity[i] == 0.0 and (displacement == 0.0 or displacement == -1.0)
     # A parked lane keeps its state at the impact, for it may go on with other parameters.

@@ -48,7 +48,7 @@ REMAINDER: Final = 1.0 / (256.0 * 40320.0)
 REMAINDER_1: Final = 1.0 / (64.0 * 5040.0)
 # A stretch is taken for one that meets the wall ahead before it turns where the distance is this
 # part of the way to the turn under a force that grows evenly.
-STRIKES: Final = 0.85
+STRIKES: Final = 0.95
 # Most stretches that are looked at after the second.
 ROUNDS: Final = 4
 # How far from the turn of the polynomial that of the flight may be, by the stretch.

@@ -177,6 +177,8 @@ def impact_map(model: Model, *, backwards: bool = False, fastest: float = math.i
     def map_on(walls: IntArray, points: FloatArray, times: int) -> tuple[IntArray, FloatArray]:
         check()
         walls, points = walls.copy(), points.copy()
+        turned = np.mod(points[:, 0], TWO_PI)
+        points[:, 0] = np.where(turned >= TWO_PI, 0.0, turned)
         # The bounds of the lanes hold for no negative damping, so they do not go backwards.
         if backwards or not times or len(walls) < FEW:
             carry(walls, points, times, backwards, fastest, model)
