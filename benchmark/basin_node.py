@@ -41,7 +41,7 @@ from sensor_msgs.msg import JointState
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.attractors.skeleton import skeletons
+from gear_rattle_ros.attractors.skeleton.skeleton import skeletons
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.qos import LATCHED, STREAM
 

@@ -26,7 +26,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from transport import node
 
-from gear_rattle_ros.attractors.holding import Planner
+from gear_rattle_ros.attractors.skeleton.holding import Planner
 from gear_rattle_ros.core.flight.law import Acts
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.nodes.base.arguments import overrides

@@ -38,8 +38,8 @@ from gear_rattle_ros.core.many.escape import CAPTURED, last_until_captured
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.orbit import Orbit
 from gear_rattle_ros.core.path import Path
-from gear_rattle_ros.studies.crisis import find_ending, radius_of
-from gear_rattle_ros.studies.tangency import carry, Contact, Tangency, touch
+from gear_rattle_ros.studies.skeleton.tangency import carry, Contact, Tangency, touch
+from gear_rattle_ros.studies.transitions.crisis import find_ending, radius_of
 
 BETA, GAMMA, RESTITUTION = 0.1, 0.1, 0.9
 PATH = Path.over(alpha=(1.24, 1.25))

@@ -26,7 +26,7 @@ import time
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.curves import Curve, grow, impact_map, Map, Segment, segments_of
 from gear_rattle_ros.core.orbits.manifolds import saddle_of
-from gear_rattle_ros.studies.manifolds import find_saddle
+from gear_rattle_ros.studies.skeleton.manifolds import find_saddle
 
 POINTS = 100_000
 LIMIT = 5.0

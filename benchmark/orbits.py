@@ -27,7 +27,7 @@ import time
 import numpy as np
 from scipy.optimize import root
 
-from gear_rattle_ros.attractors.orbits import find_orbits
+from gear_rattle_ros.attractors.skeleton.orbits import find_orbits
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit
 

@@ -32,7 +32,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.arrays import FloatArray
 from gear_rattle_ros.core.many.survey import LOOK
 from gear_rattle_ros.core.path import Path
-from gear_rattle_ros.studies.parameter_plane import parameter_plane
+from gear_rattle_ros.studies.sweeps.parameter_plane import parameter_plane
 
 PLANE = Path.over(alpha=(0.2, 1.8), gamma=(0.0, 0.4))
 CELLS, SPREAD = 200, 20

@@ -41,25 +41,25 @@ if TYPE_CHECKING:
     from .core.stream.transients import TransientDetector as TransientDetector
     from .figures.draw import draw as draw, save as save
     from .store.store import open_dataset as open_dataset
-    from .studies.basins import basins as basins
-    from .studies.boundary import boundary as boundary
-    from .studies.continuation import continuation as continuation
-    from .studies.crisis import crisis as crisis
-    from .studies.drift import drift as drift
-    from .studies.exponents import exponents as exponents
-    from .studies.hopping import hopping as hopping
-    from .studies.lifetimes import lifetimes as lifetimes
-    from .studies.manifolds import manifolds as manifolds
-    from .studies.motion import motion as motion
-    from .studies.orbit_diagram import orbit_diagram as orbit_diagram
-    from .studies.orbits import orbits as orbits, read_orbits as read_orbits
-    from .studies.parameter_plane import parameter_plane as parameter_plane
-    from .studies.probability_basins import probability_basins as probability_basins
-    from .studies.rattle import rattle as rattle
-    from .studies.saddle import saddle as saddle
-    from .studies.section import section as section
-    from .studies.stability import stability as stability
-    from .studies.transitions import transitions as transitions
+    from .studies.grids.basins import basins as basins
+    from .studies.grids.exponents import exponents as exponents
+    from .studies.grids.lifetimes import lifetimes as lifetimes
+    from .studies.robustness.drift import drift as drift
+    from .studies.robustness.hopping import hopping as hopping
+    from .studies.robustness.probability_basins import probability_basins as probability_basins
+    from .studies.robustness.stability import stability as stability
+    from .studies.skeleton.boundary import boundary as boundary
+    from .studies.skeleton.manifolds import manifolds as manifolds
+    from .studies.skeleton.orbits import orbits as orbits, read_orbits as read_orbits
+    from .studies.skeleton.saddle import saddle as saddle
+    from .studies.sweeps.orbit_diagram import orbit_diagram as orbit_diagram
+    from .studies.sweeps.parameter_plane import parameter_plane as parameter_plane
+    from .studies.trajectories.motion import motion as motion
+    from .studies.trajectories.rattle import rattle as rattle
+    from .studies.trajectories.section import section as section
+    from .studies.transitions.continuation import continuation as continuation
+    from .studies.transitions.crisis import crisis as crisis
+    from .studies.transitions.transitions import transitions as transitions
 
 __all__ = [
     'Bag', 'Catalogue', 'EVENT', 'EVENT_UNITS', 'EventKind', 'Gears', 'Parameters', 'Path',
@@ -83,11 +83,15 @@ MODULES = {
     'core.stream.transients': ['TransientDetector'],
     'figures.draw': ['draw', 'save'],
     'store.store': ['open_dataset'],
-    'studies.orbits': ['orbits', 'read_orbits'],
-    **{f'studies.{name}': [name] for name in (
-        'basins', 'boundary', 'continuation', 'crisis', 'drift', 'exponents', 'hopping',
-        'lifetimes', 'manifolds', 'motion', 'orbit_diagram', 'parameter_plane',
-        'probability_basins', 'rattle', 'saddle', 'section', 'stability', 'transitions')},
+    'studies.skeleton.orbits': ['orbits', 'read_orbits'],
+    **{f'studies.grids.{name}': [name] for name in ('basins', 'exponents', 'lifetimes')},
+    **{f'studies.robustness.{name}': [name] for name in (
+        'drift', 'hopping', 'probability_basins', 'stability')},
+    **{f'studies.skeleton.{name}': [name] for name in ('boundary', 'manifolds', 'saddle')},
+    **{f'studies.sweeps.{name}': [name] for name in ('orbit_diagram', 'parameter_plane')},
+    **{f'studies.trajectories.{name}': [name] for name in ('motion', 'rattle', 'section')},
+    **{f'studies.transitions.{name}': [name] for name in (
+        'continuation', 'crisis', 'transitions')},
 }
 # Where each name stands.
 PLACES = {name: module for module, names in MODULES.items() for name in names}

@@ -22,7 +22,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.defaults import BASINS_CAP, SEED, TOLERANCE
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.store.store import Store
-from gear_rattle_ros.studies.basins import compute_basins
+from gear_rattle_ros.studies.grids.basins import compute_basins
 from gear_rattle_ros.studies.work import Work
 
 SEARCH = {'cap': BASINS_CAP, 'tolerance': TOLERANCE, 'seed': SEED, 'initial_conditions': 150,

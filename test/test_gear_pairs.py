@@ -26,9 +26,12 @@ import pytest
 import xarray
 
 from gear_rattle_ros import draw, Gears, open_dataset, Plane
-from gear_rattle_ros.cli import attractors, basins, motion, stability
+from gear_rattle_ros.cli import attractors
+from gear_rattle_ros.cli.grids import basins
 from gear_rattle_ros.cli.options import add_model, add_plane, path_of, plane_of
 from gear_rattle_ros.cli.refusal import Parser
+from gear_rattle_ros.cli.robustness import stability
+from gear_rattle_ros.cli.trajectories import motion
 from gear_rattle_ros.core.defaults import QUANTITIES
 from gear_rattle_ros.explorer import server
 from gear_rattle_ros.gear_pairs import parse, read_gears

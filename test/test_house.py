@@ -29,3 +29,9 @@ def test_imports_keep_to_the_layers(
     monkeypatch.syspath_prepend(str(ROOT))
     status = importlinter.cli.lint_imports(no_cache=True)
     assert status == importlinter.cli.EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def test_no_room_is_a_flat_hall() -> None:
+    """Whoever opens a folder sees what is in it."""
+    rooms = {str(path.parent) for path in (ROOT / 'gear_rattle_ros').rglob('*.py')}
+    assert not [room for room in rooms if len([*Path(room).glob('*.py')]) > 16]

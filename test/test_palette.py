@@ -28,7 +28,7 @@ from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.palette import colours_of, ENDS, HUES, rgb, rgba
 from gear_rattle_ros.studies.attractors import attractors as dataset_of
-from gear_rattle_ros.studies.basins import basins
+from gear_rattle_ros.studies.grids.basins import basins
 
 # Machado, Oliveira & Fernandes (2009), severity 1, on linear red, green and blue.
 VISION = {

@@ -21,7 +21,7 @@ import numpy as np
 
 from .catalogue import Attractor, Catalogue, Kind
 from .finding import find_attractors
-from .kicks import smallest_kick
+from .skeleton.kicks import smallest_kick
 from ..core.arrays import FloatArray
 from ..core.many.chaotic_sets import SWEEP
 from ..core.many.settling import RecordArray

@@ -19,7 +19,7 @@ import dataclasses
 from typing import Any, Final
 from urllib.parse import urlencode
 
-from .skeleton import LAYERS as NAMES
+from .computing.skeleton import LAYERS as NAMES
 from .view import VELOCITY_BOUND, View
 from ..attractors.plane import STATE, STROBE
 from ..core.model import Parameters

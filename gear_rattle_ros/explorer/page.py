@@ -39,16 +39,16 @@ from bokeh.models import (
 )
 
 from .address import changed, MODEL, Shown
-from .catalogues import Catalogues
-from .painting import Colours
+from .computing.catalogues import Catalogues
+from .computing.skeleton import LAYERS
+from .computing.trajectory import follow, Trajectory
+from .figures.painting import Colours
+from .figures.parameter_map import ParameterMap
+from .figures.plane_figure import PlaneFigure
+from .figures.trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .pane import Pane
-from .parameter_map import ParameterMap
-from .plane_figure import PlaneFigure
 from .saving import Saving
 from .simulator_link import SimulatorLink
-from .skeleton import LAYERS
-from .trajectory import follow, Trajectory
-from .trajectory_figures import TrajectoryFigures, WIDTH as RIGHT_WIDTH
 from .view import KINDS
 from ..attractors.plane import PLANES, TWO_PI, Window
 from ..core.gears import Gears

@@ -23,13 +23,13 @@ from bokeh.document import Document
 from bokeh.layouts import column
 from bokeh.models import Div
 
-from .catalogues import Catalogues
-from .computing import Picture, pictures
-from .painting import Colours, legend, legend_of_layers
-from .plane_figure import HEIGHT, PlaneFigure, WIDTH
-from .skeleton import Asked, Layers, Skeleton
+from .computing.catalogues import Catalogues
+from .computing.computing import Picture, pictures
+from .computing.skeleton import Asked, Layers, Skeleton
+from .computing.worker import Worker
+from .figures.painting import Colours, legend, legend_of_layers
+from .figures.plane_figure import HEIGHT, PlaneFigure, WIDTH
 from .view import BASINS, View
-from .worker import Worker
 from ..attractors.plane import STROBE
 
 # Height of what there is to say about layers, for which the plane gives way [pixels].

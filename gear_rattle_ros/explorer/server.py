@@ -32,12 +32,12 @@ from bokeh.document import Document
 from bokeh.server.server import Server
 
 from .address import Shown
-from .catalogues import Catalogues
-from .computing import pictures
+from .computing.catalogues import Catalogues
+from .computing.computing import pictures
+from .computing.skeleton import Asked, LAYERS, Skeleton
+from .computing.trajectory import follow
 from .page import FIRST_POINT, Page, Shared
 from .simulator_link import SimulatorLink
-from .skeleton import Asked, LAYERS, Skeleton
-from .trajectory import follow
 from .view import EXPONENTS, View
 from ..cli.compilation import reporting_compilation
 from ..cli.options import add_model, model_of

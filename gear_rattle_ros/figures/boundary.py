@@ -28,7 +28,7 @@ from ..core.boundaries.entropy import SMOOTH
 from ..core.boundaries.uncertainty import PROBES
 from ..palette import GREY
 from ..studies.attractors import swept
-from ..studies.boundary import DECIDED, entropies_of, law_of
+from ..studies.skeleton.boundary import DECIDED, entropies_of, law_of
 
 if TYPE_CHECKING:
     import xarray

@@ -35,7 +35,7 @@ from ..core.path import SEVERAL
 from ..core.words import counted
 from ..palette import GREY
 from ..studies.attractors import swept
-from ..studies.diagram import KINDS
+from ..studies.sweeps.diagram import KINDS
 
 if TYPE_CHECKING:
     import xarray

@@ -23,7 +23,7 @@ import numpy as np
 
 from .grids import colours_and_names
 from .style import Looks, new_figure, thousands
-from ..studies.hopping import residences
+from ..studies.robustness.hopping import residences
 
 if TYPE_CHECKING:
     import xarray

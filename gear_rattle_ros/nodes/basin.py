@@ -39,10 +39,10 @@ from .base.scales import nice_limit
 from .. import messages
 from ..attractors.catalogue import Attractor, Catalogue, Kind, others_where
 from ..attractors.finding import CONSERVES, conserves_areas, find_attractors
-from ..attractors.kicks import Kick, smallest_kick
 from ..attractors.matching import points_of, recognise, Trace
 from ..attractors.plane import DISPLACEMENT, Plane, STROBE
-from ..attractors.skeleton import skeletons
+from ..attractors.skeleton.kicks import Kick, smallest_kick
+from ..attractors.skeleton.skeleton import skeletons
 from ..attractors.watching import Basins, Dropped, glance, sizes_up_to, watch, WHOLE_FROM
 from ..core.flight.lanes import make_initial_conditions
 from ..core.many.chaotic_sets import BRIEF

@@ -32,7 +32,7 @@ from .base.dds_room import bound_backlog
 from .base.event_input import EventInput
 from .base.node import ReportingNode
 from .base.process import run_node
-from ..attractors.holding import LONGEST, Plan, Planner
+from ..attractors.skeleton.holding import LONGEST, Plan, Planner
 from ..core.flight.law import Acts
 from ..core.model import EventArray, Model, Parameters, State
 from ..core.stream.guard import StreamGuard

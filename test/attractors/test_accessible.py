@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import find_attractors, Parameters
-from gear_rattle_ros.attractors.accessible import accessible_orbit, least_changes
-from gear_rattle_ros.attractors.kicks import (
+from gear_rattle_ros.attractors.skeleton.accessible import accessible_orbit, least_changes
+from gear_rattle_ros.attractors.skeleton.kicks import (
     impacts_of,
     smallest_displacement,
     smallest_kick,

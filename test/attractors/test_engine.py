@@ -29,7 +29,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.cli import attractors
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies import grid as tiles_module
+from gear_rattle_ros.studies.grids import grid as tiles_module
 
 
 @pytest.mark.parametrize('threads', [1, 2, 5])

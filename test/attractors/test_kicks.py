@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import find_attractors, Parameters, Simulation, State
-from gear_rattle_ros.attractors.kicks import (
+from gear_rattle_ros.attractors.skeleton.kicks import (
     DIRECTIONS,
     LOCATED,
     smallest_change,

@@ -26,7 +26,7 @@ from gear_rattle_ros.core.orbits.branches import follow
 from gear_rattle_ros.core.orbits.letters import letter_of
 from gear_rattle_ros.core.orbits.orbit import close_orbit, same_orbit
 from gear_rattle_ros.core.path import Path
-from gear_rattle_ros.studies.orbit_diagram import orbit_diagram
+from gear_rattle_ros.studies.sweeps.orbit_diagram import orbit_diagram
 
 
 def search(alpha: float, **others: float) -> Catalogue:

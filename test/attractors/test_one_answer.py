@@ -27,7 +27,9 @@ from gear_rattle_ros.attractors.columns import find_branches, Window
 from gear_rattle_ros.attractors.finding import CONSERVES, find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.attractors.refining import Level
-from gear_rattle_ros.cli import attractors, basins, continuation, lifetimes
+from gear_rattle_ros.cli import attractors
+from gear_rattle_ros.cli.grids import basins, lifetimes
+from gear_rattle_ros.cli.transitions import continuation
 from gear_rattle_ros.core.flight.lanes import IMPACT
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.chaotic_sets import BRIEF, count_pieces, SWEEP, THOROUGH

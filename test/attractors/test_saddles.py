@@ -21,12 +21,12 @@ import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.attractors.saddles import Straddling
+from gear_rattle_ros.attractors.skeleton.saddles import Straddling
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.impact_map import map_points
 from gear_rattle_ros.core.orbits.section import distances
-from gear_rattle_ros.studies.saddle import boundary_saddle
+from gear_rattle_ros.studies.skeleton.saddle import boundary_saddle
 
 
 def straddling(alpha: float, is_edge: bool, cap: int) -> Straddling:

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
-from gear_rattle_ros.attractors.kicks import smallest_kick
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.attractors.skeleton import KICK, LAYERS, skeletons
+from gear_rattle_ros.attractors.skeleton.kicks import smallest_kick
+from gear_rattle_ros.attractors.skeleton.skeleton import KICK, LAYERS, skeletons
 from gear_rattle_ros.attractors.watching import Dropped
 from gear_rattle_ros.core.many.recorded import initial_after
 from gear_rattle_ros.core.model import Parameters

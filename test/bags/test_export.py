@@ -25,7 +25,7 @@ import pandas
 import pytest
 
 import gear_rattle_ros
-from gear_rattle_ros.cli.export import main
+from gear_rattle_ros.cli.bags.export import main
 from gear_rattle_ros.core.model import EVENT
 
 EVENTS = story(3000)

@@ -31,7 +31,7 @@ import zstandard
 from gear_rattle_ros.bags import Bag, BagError, read_bag
 from gear_rattle_ros.bags.recover import recover
 from gear_rattle_ros.bags.verify import verify
-from gear_rattle_ros.cli import recover as recover_command, verify as verify_command
+from gear_rattle_ros.cli.bags import recover as recover_command, verify as verify_command
 from gear_rattle_ros.figures.digest import digest_of
 from gear_rattle_ros.nodes.base.errors import UserError
 from gear_rattle_ros.nodes.replay.node import Replay

@@ -26,7 +26,7 @@ import yaml
 
 from gear_rattle_ros.bags import Bag
 from gear_rattle_ros.bags.recover import recover
-from gear_rattle_ros.cli.recover import main
+from gear_rattle_ros.cli.bags.recover import main
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from rclpy.serialization import serialize_message
 
 from gear_rattle_ros.bags import BagWriter
 from gear_rattle_ros.bags.verify import verify
-from gear_rattle_ros.cli.verify import main
+from gear_rattle_ros.cli.bags.verify import main
 from gear_rattle_ros.core.flight.fingerprint import fingerprint
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, Parameters, State

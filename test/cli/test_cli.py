@@ -30,9 +30,11 @@ from numba.core import event
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import attractors, basins, exponents, lifetimes, stability
+from gear_rattle_ros.cli import attractors
 from gear_rattle_ros.cli.compilation import reporting_compilation
+from gear_rattle_ros.cli.grids import basins, exponents, lifetimes
 from gear_rattle_ros.cli.options import number, Parser
+from gear_rattle_ros.cli.robustness import stability
 from gear_rattle_ros.cli.run import module_of
 from gear_rattle_ros.places import typed
 from gear_rattle_ros.store.store import open_dataset, Store, StoreError

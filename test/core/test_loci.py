@@ -26,7 +26,7 @@ from gear_rattle_ros.core.orbits.branches import Change, follow, leaving, Turn
 from gear_rattle_ros.core.orbits.loci import crossings, Mark, trace_locus
 from gear_rattle_ros.core.orbits.orbit import close_orbit, Orbit
 from gear_rattle_ros.core.path import Path
-from gear_rattle_ros.studies.plane_curves import rest_curves
+from gear_rattle_ros.studies.sweeps.plane_curves import rest_curves
 
 
 def closed(beta: float, gamma: float, r: float) -> tuple[float, float, float, float]:

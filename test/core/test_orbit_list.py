@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
-from gear_rattle_ros.attractors.orbits import find_orbits
 from gear_rattle_ros.attractors.plane import Plane
+from gear_rattle_ros.attractors.skeleton.orbits import find_orbits
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.cycles import expand
 from gear_rattle_ros.core.orbits.listing import OrbitList

@@ -34,7 +34,7 @@ from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters
-from gear_rattle_ros.explorer.trajectory import follow
+from gear_rattle_ros.explorer.computing.trajectory import follow
 from gear_rattle_ros.explorer.view import CAP
 from gear_rattle_ros.palette import HUES
 from gear_rattle_ros.store.store import open_dataset

@@ -26,13 +26,13 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import UNSETTLED
 from gear_rattle_ros.core.model import Parameters, State
-from gear_rattle_ros.explorer.catalogues import Catalogues
-from gear_rattle_ros.explorer.computing import Picture, pictures
-from gear_rattle_ros.explorer.painting import Colours, legend, paint
-from gear_rattle_ros.explorer.trajectory import follow
+from gear_rattle_ros.explorer.computing.catalogues import Catalogues
+from gear_rattle_ros.explorer.computing.computing import Picture, pictures
+from gear_rattle_ros.explorer.computing.trajectory import follow
+from gear_rattle_ros.explorer.computing.worker import Worker
+from gear_rattle_ros.explorer.figures.painting import Colours, legend, paint
 from gear_rattle_ros.explorer.view import CAP, EXPONENTS, KINDS, SPAN, View
-from gear_rattle_ros.explorer.worker import Worker
-from gear_rattle_ros.studies.exponents import finite_time_exponents
+from gear_rattle_ros.studies.grids.exponents import finite_time_exponents
 
 
 def until(view: View, cells: int) -> Picture:

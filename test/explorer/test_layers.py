@@ -28,10 +28,9 @@ from gear_rattle_ros.core.flight.lanes import make_initial_conditions
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State
 from gear_rattle_ros.core.orbits.section import distances
-from gear_rattle_ros.explorer import skeleton
-from gear_rattle_ros.explorer.catalogues import Catalogues, GivenUp
-from gear_rattle_ros.explorer.plane_figure import LayerGlyphs
-from gear_rattle_ros.explorer.skeleton import (
+from gear_rattle_ros.explorer.computing import skeleton
+from gear_rattle_ros.explorer.computing.catalogues import Catalogues, GivenUp
+from gear_rattle_ros.explorer.computing.skeleton import (
     Asked,
     EDGE,
     KICK,
@@ -42,6 +41,7 @@ from gear_rattle_ros.explorer.skeleton import (
     places,
     Skeleton,
 )
+from gear_rattle_ros.explorer.figures.plane_figure import LayerGlyphs
 from gear_rattle_ros.explorer.view import View
 
 # B of figure 3 is clicked on the lower wall, where its smallest kick is.

@@ -26,9 +26,9 @@ from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.explorer import server
 from gear_rattle_ros.explorer.address import Shown
-from gear_rattle_ros.explorer.catalogues import Catalogues
+from gear_rattle_ros.explorer.computing.catalogues import Catalogues
+from gear_rattle_ros.explorer.figures.parameter_map import PAINTED
 from gear_rattle_ros.explorer.page import FIRST_POINT, Page, Shared
-from gear_rattle_ros.explorer.parameter_map import PAINTED
 from gear_rattle_ros.explorer.simulator_link import SimulatorLink
 from gear_rattle_ros.explorer.view import View
 from gear_rattle_ros.figures.parameter_plane import paint
@@ -36,7 +36,7 @@ from gear_rattle_ros.figures.style import Looks
 from gear_rattle_ros.gear_pairs import read_gears
 from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.store.store import Store
-from gear_rattle_ros.studies.parameter_plane import parameter_plane
+from gear_rattle_ros.studies.sweeps.parameter_plane import parameter_plane
 
 
 def test_a_click_on_the_map_sets_both_parameters(tmp_path: FilePath) -> None:

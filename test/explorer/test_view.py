@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.plane import PLANES
-from gear_rattle_ros.cli import basins, exponents, lifetimes
+from gear_rattle_ros.cli.grids import basins, exponents, lifetimes
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.explorer.view import EXPONENTS, FINE, following, KINDS, NARROWEST, View
 from gear_rattle_ros.store.store import open_dataset

@@ -21,13 +21,13 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.figures import main
+from gear_rattle_ros.cli.pictures.figures import main
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.figures.paper import load_recipes
 from gear_rattle_ros.figures.style import equalise, in_pi, shade
 from gear_rattle_ros.places import config_folder
-from gear_rattle_ros.studies.exponents import exponents
+from gear_rattle_ros.studies.grids.exponents import exponents
 
 PAPER = ['1', '2', '3a', '3b', '4', '5a', '5b', '6a', '6b', '7', '8a', '8b', '9a', '9b', '10',
          '11', '12', 'jumps', 'lifetime-law', 'shares', 'transitions-2', 'transitions-8']

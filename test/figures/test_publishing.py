@@ -25,7 +25,7 @@ import pytest
 import xarray
 
 from gear_rattle_ros import open_dataset
-from gear_rattle_ros.cli.draw import main
+from gear_rattle_ros.cli.pictures.draw import main
 from gear_rattle_ros.cli.run import module_of
 from gear_rattle_ros.figures.draw import draw, PICTURES, save
 from gear_rattle_ros.places import config_folder

@@ -24,7 +24,7 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli.summary import main
+from gear_rattle_ros.cli.pictures.summary import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import EventArray, EventKind, impact_count, Parameters, State
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov

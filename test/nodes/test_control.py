@@ -28,8 +28,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from gear_rattle_ros.attractors.holding import Planner, TRIALS
-from gear_rattle_ros.cli.verify import main as verify
+from gear_rattle_ros.attractors.skeleton.holding import Planner, TRIALS
+from gear_rattle_ros.cli.bags.verify import main as verify
 from gear_rattle_ros.core.flight.law import Acts
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State

@@ -32,7 +32,7 @@ import pytest
 
 from gear_rattle_ros.attractors.matching import follow, points_of
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.attractors.skeleton import skeletons
+from gear_rattle_ros.attractors.skeleton.skeleton import skeletons
 from gear_rattle_ros.attractors.watching import Basins, glance, watch
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.model import Parameters, State

@@ -20,21 +20,13 @@ import numpy as np
 import pytest
 import xarray
 
-from gear_rattle_ros.cli import (
-    attractors,
-    basins,
-    boundary,
-    continuation,
-    crisis,
-    exponents,
-    lifetimes,
-    motion,
-    orbit_diagram,
-    rattle,
-    section,
-    stability,
-    transitions,
-)
+from gear_rattle_ros.cli import attractors
+from gear_rattle_ros.cli.grids import basins, exponents, lifetimes
+from gear_rattle_ros.cli.robustness import stability
+from gear_rattle_ros.cli.skeleton import boundary
+from gear_rattle_ros.cli.sweeps import orbit_diagram
+from gear_rattle_ros.cli.trajectories import motion, rattle, section
+from gear_rattle_ros.cli.transitions import continuation, crisis, transitions
 from gear_rattle_ros.places import config_folder
 from gear_rattle_ros.store.store import open_dataset
 

@@ -39,7 +39,7 @@ from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.palette import hue, rgb
 from gear_rattle_ros.store.making import make_store
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.basins import basins, describe, magnifications
+from gear_rattle_ros.studies.grids.basins import basins, describe, magnifications
 
 PLANE = Plane(phases=48, velocities=40)
 
@@ -262,7 +262,7 @@ def test_windows_magnify_about_a_point():
 
 def test_the_largest_grid_is_laid_out_at_once(tmp_path):
     """20,000 x 20,000 cells: nothing of the size of the grid is held or written up front."""
-    from gear_rattle_ros.studies.grid import fill_tile, grid_layout
+    from gear_rattle_ros.studies.grids.grid import fill_tile, grid_layout
     plane = Plane(phases=20_000, velocities=20_000)
     store = make_store(tmp_path / 'a', grid_layout(plane, {}, 'large', 1000), 'test')
     assert len(store.tiles) == 1600

@@ -23,11 +23,11 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import boundary, find_attractors, Parameters, Plane
-from gear_rattle_ros.cli.boundary import main
-from gear_rattle_ros.cli.continuation import main as follow
+from gear_rattle_ros.cli.skeleton.boundary import main
+from gear_rattle_ros.cli.transitions.continuation import main as follow
 from gear_rattle_ros.core.boundaries.uncertainty import count_cut
 from gear_rattle_ros.store.store import Store
-from gear_rattle_ros.studies.boundary import describe, labels_of, law_of, measure, PROBES
+from gear_rattle_ros.studies.skeleton.boundary import describe, labels_of, law_of, measure, PROBES
 
 QUICK = {'initial_conditions': 60, 'hold': 2000, 'cap': 4000}
 # An impact of B is in this window, in which all initial conditions settle alike.

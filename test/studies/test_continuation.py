@@ -26,7 +26,7 @@ import scipy.optimize
 from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.continuation import main
+from gear_rattle_ros.cli.transitions.continuation import main
 from gear_rattle_ros.core.flight.closed_form import UPPER
 from gear_rattle_ros.core.flight.lanes_step import LANES
 from gear_rattle_ros.core.many.recognition import find_orbit
@@ -38,7 +38,7 @@ from gear_rattle_ros.core.orbits.letters import LETTERS
 from gear_rattle_ros.core.orbits.orbit import close_orbit, fire, Orbit, same_orbit, solve_ring
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.endings import find_end, returns, spread_out, watch
+from gear_rattle_ros.studies.transitions.endings import find_end, returns, spread_out, watch
 
 B, G, R = 0.1, 0.1, 0.9
 ALPHA = Path.over(alpha=(0.4, 0.6))

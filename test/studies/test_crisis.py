@@ -21,7 +21,7 @@ import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.crisis import main
+from gear_rattle_ros.cli.transitions.crisis import main
 from gear_rattle_ros.core.flight.lanes import new_tiles
 from gear_rattle_ros.core.many.escape import (
     CAPTURED,
@@ -34,9 +34,9 @@ from gear_rattle_ros.core.orbits.branches import Change, follow
 from gear_rattle_ros.core.orbits.manifolds import saddle_of
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.crisis import PAPER, PAPER_BRACKET
-from gear_rattle_ros.studies.escape_rates import fit_exponent, fit_law
-from gear_rattle_ros.studies.tangency import birth_of, carry, Contact, find_tangency
+from gear_rattle_ros.studies.skeleton.tangency import birth_of, carry, Contact, find_tangency
+from gear_rattle_ros.studies.transitions.crisis import PAPER, PAPER_BRACKET
+from gear_rattle_ros.studies.transitions.escape_rates import fit_exponent, fit_law
 
 # Of the captor at which a trajectory is captured [rad, 1].
 RADIUS = 0.02

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import drift, Parameters
-from gear_rattle_ros.studies.drift import describe
+from gear_rattle_ros.studies.robustness.drift import describe
 
 
 @pytest.mark.long

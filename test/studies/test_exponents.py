@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gear_rattle_ros.cli.exponents import main
+from gear_rattle_ros.cli.grids.exponents import main
 from gear_rattle_ros.store.store import open_dataset
 
 

@@ -37,7 +37,7 @@ from gear_rattle_ros.core.flight.noise import BOUND, gaussian, Noise, uniform
 from gear_rattle_ros.core.many.hopping import cores_along, hop_from, STAY
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.many.residence import evenness, residence_on, slopes
-from gear_rattle_ros.studies.hopping import describe, stays_of
+from gear_rattle_ros.studies.robustness.hopping import describe, stays_of
 
 P = Parameters(alpha=0.48)
 SIGMA = 0.05

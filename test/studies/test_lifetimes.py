@@ -24,7 +24,7 @@ from gear_rattle_ros.attractors.plane import Plane
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.settling import RESULT, UNSETTLED
 from gear_rattle_ros.core.model import EventKind, Parameters, State
-from gear_rattle_ros.studies.lifetimes import (
+from gear_rattle_ros.studies.grids.lifetimes import (
     distribution,
     escape_of,
     estimate_escape,

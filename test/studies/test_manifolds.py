@@ -20,13 +20,13 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import manifolds, Parameters, Path, Plane
-from gear_rattle_ros.cli.manifolds import main
+from gear_rattle_ros.cli.skeleton.manifolds import main
 from gear_rattle_ros.core.orbits.cells import first_crossing
 from gear_rattle_ros.core.orbits.curves import grow, impact_map, segments_of
 from gear_rattle_ros.core.orbits.manifolds import saddle_of
 from gear_rattle_ros.figures.draw import draw
-from gear_rattle_ros.studies.manifolds import describe, find_saddle
-from gear_rattle_ros.studies.tangency import carry, first_touch
+from gear_rattle_ros.studies.skeleton.manifolds import describe, find_saddle
+from gear_rattle_ros.studies.skeleton.tangency import carry, first_touch
 
 P = Parameters(0.48)
 B_AND_PARTNER = 'orbit-2-1-U5.4554+0.8585', 'orbit-2-1-U5.1744+0.8226'

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 import xarray
 
 from gear_rattle_ros import find_attractors, motion, Parameters
-from gear_rattle_ros.cli.motion import main
+from gear_rattle_ros.cli.trajectories.motion import main
 
 P = Parameters(alpha=0.48)
 FEW = {'initial_conditions': 60, 'hold': 2000}

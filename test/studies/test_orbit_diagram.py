@@ -22,7 +22,7 @@ import pytest
 from gear_rattle_ros.attractors.catalogue import Kind
 from gear_rattle_ros.attractors.columns import find_branches, Window
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.orbit_diagram import main
+from gear_rattle_ros.cli.sweeps.orbit_diagram import main
 from gear_rattle_ros.core.flight.simulation import Simulation
 from gear_rattle_ros.core.many.velocity_counts import count_velocities
 from gear_rattle_ros.core.model import Parameters, State
@@ -30,7 +30,7 @@ from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.core.stream.lyapunov import RunningLyapunov
 from gear_rattle_ros.core.stream.transients import Regime, TransientDetector
 from gear_rattle_ros.store.store import open_dataset, Store
-from gear_rattle_ros.studies.orbit_diagram import orbit_diagram
+from gear_rattle_ros.studies.sweeps.orbit_diagram import orbit_diagram
 
 SMALL = ['--alpha', '0.48', '0.5', '--columns', '3', '--bins', '600', '--trajectories', '24',
          '--skip', '3000', '--keep', '512']

@@ -21,12 +21,12 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.parameter_plane import main
+from gear_rattle_ros.cli.sweeps.parameter_plane import main
 from gear_rattle_ros.core.many.survey import CHAOTIC, OUTCOME, PERIODIC, RESTING, survey
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset, Store
-from gear_rattle_ros.studies.parameter_plane import parameter_plane
+from gear_rattle_ros.studies.sweeps.parameter_plane import parameter_plane
 
 KEEP = 4096
 

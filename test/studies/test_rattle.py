@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import Gears, Parameters, rattle, Simulation, State
-from gear_rattle_ros.cli.rattle import main
+from gear_rattle_ros.cli.trajectories.rattle import main
 from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.figures.rattle import save_wav
 from gear_rattle_ros.gear_pairs import read_gears

@@ -24,19 +24,11 @@ import time
 import numpy as np
 import pytest
 
-from gear_rattle_ros.cli import (
-    boundary,
-    continuation,
-    crisis,
-    manifolds,
-    orbit_diagram,
-    orbits,
-    parameter_plane,
-    rattle,
-    saddle,
-    stability,
-    transitions,
-)
+from gear_rattle_ros.cli.robustness import stability
+from gear_rattle_ros.cli.skeleton import boundary, manifolds, orbits, saddle
+from gear_rattle_ros.cli.sweeps import orbit_diagram, parameter_plane
+from gear_rattle_ros.cli.trajectories import rattle
+from gear_rattle_ros.cli.transitions import continuation, crisis, transitions
 from gear_rattle_ros.places import config_folder, typed
 from gear_rattle_ros.store.store import Store, StoreError
 

@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import find_attractors, lifetimes, Parameters, Path, Plane, saddle
-from gear_rattle_ros.cli.saddle import main
+from gear_rattle_ros.cli.skeleton.saddle import main
 from gear_rattle_ros.core.orbits.branches import follow
 from gear_rattle_ros.core.orbits.orbit import close_orbit
-from gear_rattle_ros.studies.saddle import describe
+from gear_rattle_ros.studies.skeleton.saddle import describe
 
 BETA, GAMMA, R = 0.1, 0.1, 0.9
 

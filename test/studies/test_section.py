@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import Parameters, section, Simulation, State
-from gear_rattle_ros.cli.section import main
-from gear_rattle_ros.studies.densities import compare_densities
+from gear_rattle_ros.cli.trajectories.section import main
+from gear_rattle_ros.studies.trajectories.densities import compare_densities
 
 P = Parameters(alpha=0.48)
 

@@ -24,11 +24,11 @@ from scipy.ndimage import distance_transform_edt
 
 from gear_rattle_ros import find_attractors, Parameters, Plane, Simulation, stability, State
 from gear_rattle_ros.attractors.catalogue import Catalogue
-from gear_rattle_ros.attractors.kicks import smallest_kick
+from gear_rattle_ros.attractors.skeleton.kicks import smallest_kick
 from gear_rattle_ros.core.many.recognition import with_neighbourhood
 from gear_rattle_ros.core.orbits.orbit import close_orbit
 from gear_rattle_ros.core.orbits.section import distances
-from gear_rattle_ros.studies import stability as study
+from gear_rattle_ros.studies.robustness import stability as study
 
 P = Parameters(0.48)
 # Where the orbit of one impact a period ends at the paper's beta, gamma and r.

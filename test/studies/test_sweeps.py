@@ -20,11 +20,13 @@ import numpy as np
 import pytest
 
 from gear_rattle_ros import continuation, crisis, find_attractors, Parameters, Path, Plane
-from gear_rattle_ros.cli import basins, stability, transitions
-from gear_rattle_ros.cli.continuation import main
+from gear_rattle_ros.cli.grids import basins
+from gear_rattle_ros.cli.robustness import stability
+from gear_rattle_ros.cli.transitions import transitions
+from gear_rattle_ros.cli.transitions.continuation import main
 from gear_rattle_ros.figures.draw import draw
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.continuation import describe
+from gear_rattle_ros.studies.transitions.continuation import describe
 
 SMALL = {'columns': 3, 'trajectories': 32, 'hold': 2000, 'progress': False, 'threads': 1}
 

@@ -21,16 +21,22 @@ import pytest
 
 from gear_rattle_ros.attractors.finding import find_attractors
 from gear_rattle_ros.attractors.plane import Plane
-from gear_rattle_ros.cli.transitions import main
+from gear_rattle_ros.cli.transitions.transitions import main
 from gear_rattle_ros.core.many.recorded import record_impacts
 from gear_rattle_ros.core.model import Parameters
 from gear_rattle_ros.core.orbits.branches import Change, follow, leaving
 from gear_rattle_ros.core.path import Path
 from gear_rattle_ros.store.store import open_dataset
-from gear_rattle_ros.studies.cascades import accumulate, DELTA
-from gear_rattle_ros.studies.endings import spread_out
-from gear_rattle_ros.studies.mergings import bursts, find_growth, passages, Reshaping, shape_at
-from gear_rattle_ros.studies.tangency import touch
+from gear_rattle_ros.studies.skeleton.tangency import touch
+from gear_rattle_ros.studies.transitions.cascades import accumulate, DELTA
+from gear_rattle_ros.studies.transitions.endings import spread_out
+from gear_rattle_ros.studies.transitions.mergings import (
+    bursts,
+    find_growth,
+    passages,
+    Reshaping,
+    shape_at,
+)
 
 # The logistic map r x (1 - x): where its doublings are and accumulate.
 LOGISTIC = (3.0, 3.4494897428, 3.5440903596, 3.5644072661, 3.5687594195, 3.5696916098)

@@ -65,7 +65,7 @@ ENDS_WITHIN = 5.0
 WRITTEN_WITHIN = 30.0
 # Loads everything slow while the nodes run; a line on stdin means that the bag is closed.
 SUMMARISE = (
-    'import sys; from gear_rattle_ros.cli.summary import main; '
+    'import sys; from gear_rattle_ros.cli.pictures.summary import main; '
     'from gear_rattle_ros.figures.summary import prepare; prepare(); '
     'sys.exit(main(sys.argv[1:]) if sys.stdin.readline() else 0)')
 PLAIN_EVERY = 5.0
