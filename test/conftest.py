@@ -88,7 +88,7 @@ def rclpy_node(domain: int):
 
 
 @pytest.fixture
-def spin(rclpy_node) -> Callable[..., None]:
+def spin(rclpy_node) -> Iterator[Callable[..., None]]:
     """Spin the test's node until a condition holds."""
     from rclpy.executors import SingleThreadedExecutor
     executor = SingleThreadedExecutor(context=rclpy_node.context)
@@ -100,4 +100,7 @@ def spin(rclpy_node) -> Callable[..., None]:
             assert time.monotonic() < deadline, 'it did not come about in time'
             executor.spin_once(timeout_sec=0.05)
 
-    return spin_until
+    yield spin_until
+    # Before the node goes, which wakes the executor it is in.
+    executor.remove_node(rclpy_node)
+    executor.shutdown()
