@@ -368,6 +368,9 @@ def search_together(tile: Record) -> None:
             i = tile.lane[k]
             tile.duration[i], tile.effort[i] = tile.duration[k], tile.effort[k]
             tile.left[k] = 0.0
+    # Steps begin at these rows where all lanes come to be searched.
+    for k in range(LANES, last):
+        evaluate(tile, tile.lane[k])
 
 
 @kernel
@@ -379,13 +382,14 @@ def search_alone(tile: Record, i: int) -> None:
     look_first_at(tile, i)
     if wall == NO_WALL:
         begin_leg(tile, i)
+        evaluate(tile, i)
         return
     periods, tile.phase[i] = later(tile.phase[i], d)
     tile.cycle[i] += periods
     tile.displacement[i] = 0.0 if wall == UPPER else -1.0
     tile.velocity[i] = -tile.restitution[i] * velocity
-    tile.sine[i], tile.cosine[i] = sine_cosine(tile.phase[i])
     tile.duration[i] = tile.effort[i] = 0.0
+    evaluate(tile, i)
     tile.left[i] -= 1.0
     tile.has_hit[i] = 1
     tile.impact_velocity[i] = velocity
