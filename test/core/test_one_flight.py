@@ -126,6 +126,21 @@ def tangent(random: np.random.Generator, count: int) -> RecordArray:
     return initial
 
 
+def mixed(random: np.random.Generator, count: int) -> RecordArray:
+    """Return some of all kinds in any order: lanes change between the short way and the search."""
+    kinds = (everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches,
+             tangent)
+    return random.permutation(np.concatenate(
+        [kind(random, count // len(kinds)) for kind in kinds]))
+
+
+def tails(random: np.random.Generator, count: int) -> RecordArray:
+    """Return strong damping after the rest: tiles in which all lanes come to be searched."""
+    initial = np.tile(mixed(random, 240), count // 240)
+    initial['beta'][count - 200:] = 10.0**random.uniform(0.0, 1.0, 200)
+    return initial
+
+
 @numba.njit
 def by_lanes(tile, impacts, initial, found, counts):  # type: ignore[no-untyped-def]
     """Write the first impacts from every initial condition, through one tile."""
@@ -166,7 +181,8 @@ def by_events(trajectories, events, found, counts):  # type: ignore[no-untyped-d
 
 @pytest.mark.parametrize(
     'kind',
-    [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches, tangent])
+    [everywhere, near_walls, from_rest, grazing, long_flights, damped, slow_launches, tangent,
+     mixed, tails])
 def test_scalar_and_lanes_give_the_same_bits(kind: Any) -> None:
     """The first eight impacts from 6,000 of each kind, through sticking and release."""
     initial = kind(np.random.default_rng(1), 6_000)

@@ -48,7 +48,6 @@ from .first_impact import bisect_on, search_along
 from .lanes_step import (
     CRAWLING,
     LANES,
-    resume_slots,
     SEARCHED,
     step,
     step_slots,
@@ -264,14 +263,13 @@ def stick(tile: Record, i: int) -> None:
 
 
 @kernel
-def attend(tile: Record, i: int) -> bool:
+def attend(tile: Record, i: int) -> None:
     """Do for a lane or slot, just after a step of the search, what the vector loop leaves out."""
-    # Returns whether it is at a wall, where the next step ends.
     # These are sticking and grazing, flights of ``beta d >= 1``, legs, crawls and slow searches.
     if tile.has_hit[i] != 0:
         if abs(tile.velocity[i]) < STICKING_SPEED:
             stick(tile, i)
-        return False
+        return
     if is_slow(tile.effort[i], tile.duration[i]):
         further, speed, wall, evaluations = bisect_on(
             tile.duration[i], tile.phase[i], tile.displacement[i], tile.velocity[i],
@@ -283,7 +281,7 @@ def attend(tile: Record, i: int) -> bool:
             evaluate(tile, i)
             tile.moved[i] = (0.0 if wall == UPPER else -1.0) - tile.displacement[i]
             tile.velocity_now[i] = speed if wall == UPPER else -speed
-            return True
+            return
     elif tile.is_special[i] >= CRAWLING:
         tile.effort[i] += 1.0
         evaluate(tile, i)
@@ -293,23 +291,24 @@ def attend(tile: Record, i: int) -> bool:
     if tile.duration[i] >= LEG:
         begin_leg(tile, i)
     evaluate(tile, i)
-    return False
 
 
 @kernel
 def give(tile: Record, i: int, k: int) -> None:
-    """Take over from lane or slot i what a flight is in lane or slot k."""
+    """Hand the flight of lane or slot i, as far as it is known, to slot or lane k."""
     tile.cycle[k], tile.phase[k] = tile.cycle[i], tile.phase[i]
     tile.displacement[k], tile.velocity[k] = tile.displacement[i], tile.velocity[i]
     tile.sine[k], tile.cosine[k] = tile.sine[i], tile.cosine[i]
     tile.duration[k], tile.effort[k] = tile.duration[i], tile.effort[i]
+    tile.moved[k], tile.velocity_now[k] = tile.moved[i], tile.velocity_now[i]
+    tile.sine_now[k], tile.cosine_now[k] = tile.sine_now[i], tile.cosine_now[i]
     tile.end[k] = tile.end[i]
 
 
 @kernel
-def first_effort(tile: Record, i: int) -> float:
-    """Return the evaluations so far: the short way, where it was tried, is one."""
-    return max(tile.effort[i], tile.search[i] - SEARCHED)
+def is_new(tile: Record, i: int) -> bool:
+    """Whether the short way has just not found the end of a flight, and it was not evaluated."""
+    return tile.search[i] > SEARCHED and tile.effort[i] == 0.0
 
 
 @kernel
@@ -318,78 +317,68 @@ def search_together(tile: Record) -> None:
     last = LANES
     for i in range(LANES):
         if tile.left[i] > 0.0 and tile.search[i] > 0.0:
+            if is_new(tile, i):
+                # The short way was an evaluation, too.
+                tile.effort[i] = 1.0
+                evaluate(tile, i)
             give(tile, i, last)
             tile.alpha[last], tile.beta[last] = tile.alpha[i], tile.beta[i]
             tile.gamma[last], tile.restitution[last] = tile.gamma[i], tile.restitution[i]
-            tile.effort[last] = first_effort(tile, i)
             tile.left[last] = 1.0
             tile.lane[last] = i
-            tile.next_displacement[last] = tile.displacement[i]
-            tile.next_velocity[last] = tile.velocity[i]
-            tile.has_hit[last] = tile.is_special[last] = 0
             last += 1
     end = last
     while end % VECTOR != 0:
         # A parked one.
-        tile.left[end] = tile.duration[end] = tile.effort[end] = 0.0
-        tile.has_hit[end] = tile.is_special[end] = 0
+        tile.left[end] = 0.0
         end += 1
-    busy = last - LANES
-    special = resume_slots(tile, end)
-    n = 0
-    while True:
-        at_wall = False
+    for _ in range(STEPS_TOGETHER):
+        special = step_slots(tile, end)
+        busy = 0
         for k in range(LANES, last):
+            i = tile.lane[k]
             if tile.has_hit[k] != 0:
-                i = tile.lane[k]
                 give(tile, k, i)
                 look_first_at(tile, i)
                 tile.left[i] -= 1.0
                 tile.has_hit[i] = 1
                 tile.impact_velocity[i] = tile.impact_velocity[k]
                 tile.is_special[i] = abs(tile.velocity[i]) < STICKING_SPEED
-                busy -= 1
-            elif special > 0 and tile.is_special[k] != 0 and tile.left[k] > 0.0:
-                at_wall |= attend(tile, k)
-                if tile.left[k] == 0.0 or tile.duration[k] == 0.0:
-                    # A leg: the short way may go on, or nothing.
-                    i = tile.lane[k]
-                    give(tile, k, i)
-                    look_first_at(tile, i)
-                    tile.left[i] = tile.left[i] if tile.left[k] > 0.0 else 0.0
-                    tile.left[k] = 0.0
-                    busy -= 1
-        if busy == 0 or n >= STEPS_TOGETHER and not at_wall:
-            break
-        n += 1
-        special = step_slots(tile, end)
+            elif tile.left[k] > 0.0:
+                if special > 0 and tile.is_special[k] != 0:
+                    attend(tile, k)
+                if tile.left[k] > 0.0 and tile.duration[k] > 0.0:
+                    busy += 1
+                    continue
+                # A leg: the short way may go on, or nothing.
+                give(tile, k, i)
+                look_first_at(tile, i)
+                tile.left[i] = tile.left[i] if tile.left[k] > 0.0 else 0.0
+                tile.left[k] = 0.0
+        if busy == 0:
+            return
     for k in range(LANES, last):
         if tile.left[k] > 0.0:
-            i = tile.lane[k]
-            tile.duration[i], tile.effort[i] = tile.duration[k], tile.effort[k]
+            give(tile, k, tile.lane[k])
             tile.left[k] = 0.0
-    # Steps begin at these rows where all lanes come to be searched.
-    for k in range(LANES, last):
-        evaluate(tile, tile.lane[k])
 
 
 @kernel
 def search_alone(tile: Record, i: int) -> None:
-    """Take a lane that needs a search to its impact, or through a leg."""
+    """Take a lane that is new to the search to its impact, or through a leg."""
     d, _, velocity, wall = search_along(
-        tile.duration[i], int(first_effort(tile, i)), LEG, tile.phase[i], tile.displacement[i],
-        tile.velocity[i], model_in(tile, i), stretches_in(tile, i))
+        tile.duration[i], 1, LEG, tile.phase[i], tile.displacement[i], tile.velocity[i],
+        model_in(tile, i), stretches_in(tile, i))
     look_first_at(tile, i)
     if wall == NO_WALL:
         begin_leg(tile, i)
-        evaluate(tile, i)
         return
     periods, tile.phase[i] = later(tile.phase[i], d)
     tile.cycle[i] += periods
     tile.displacement[i] = 0.0 if wall == UPPER else -1.0
     tile.velocity[i] = -tile.restitution[i] * velocity
-    tile.duration[i] = tile.effort[i] = 0.0
-    evaluate(tile, i)
+    tile.sine[i], tile.cosine[i] = sine_cosine(tile.phase[i])
+    tile.duration[i] = 0.0
     tile.left[i] -= 1.0
     tile.has_hit[i] = 1
     tile.impact_velocity[i] = velocity
@@ -403,13 +392,15 @@ def move(tile: Record, n: int, enough: int) -> int:
         return step(tile)
     is_due = n % WAIT == 0
     special, waiting = stride(tile, 1 if is_due else min(enough, TURNS_TOGETHER))
-    if waiting >= enough:
-        search_together(tile)
-        special = LANES
-    elif waiting > 0 and is_due:
+    if is_due and 0 < waiting < enough:
+        # So few are faster one by one.
         for i in range(LANES):
-            if tile.left[i] > 0.0 and tile.search[i] > 0.0:
+            if tile.left[i] > 0.0 and is_new(tile, i):
                 search_alone(tile, i)
+                waiting -= 1
+        special = LANES
+    if waiting >= enough or (waiting > 0 and is_due):
+        search_together(tile)
         special = LANES
     return special
 

@@ -64,8 +64,10 @@ TILE: Final = np.dtype([(name, np.int64 if name in WHOLE else np.float64, ROW) f
     'c_0', 'c_1', 'c_2', 'c_3', 'c_4', 'c_5', 'c_6', 'c_7', 's_b', 'v_b', 'last',
     'bend', 'snap', 'blur', 'low', 'high',
     'a_0', 'a_1', 'a_2', 'a_3', 'a_4', 'a_5', 'a_6', 'a_7', 'x', 'next_x',
-    # The time of a second evaluation, or 0; whether the flight is searched, or 0.
-    'again', 'search',
+    # The motion at the time of the guess, and that of a second evaluation, or 0.
+    'there', 'there_velocity', 'there_sine', 'there_cosine', 'again',
+    # SEARCHED, or more, where the flight is searched; else 0.
+    'search',
     # The search: how far it has come, by how many evaluations, and the motion up to there.
     'duration', 'effort', 'moved', 'velocity_now', 'sine_now', 'cosine_now',
     # Seen from the wall ahead (`towards` is +1 for the upper): speed, acceleration, jerk,
@@ -206,7 +208,7 @@ def fly(t: Record, i: int) -> int:
 
 @inlined
 def search(t: Record, first: int, last: int) -> int:
-    """Take lanes or slots one step of the search, impacts included."""
+    """Take lanes or slots a step of the search, impacts included; return how many are special."""
     prefer_wide_vectors()
     # Without a sign: numba would look for negative places, which no loop survives as SIMD code.
     begin, end = np.uint64(first), np.uint64(last)
@@ -222,14 +224,6 @@ def search(t: Record, first: int, last: int) -> int:
         close(t, i)
     for i in range(begin, end):
         strike(t, i)
-    return evaluate_all(t, first, last)
-
-
-@inlined
-def evaluate_all(t: Record, first: int, last: int) -> int:
-    """Evaluate the flights of lanes or slots at their durations; return how many are special."""
-    prefer_wide_vectors()
-    begin, end = np.uint64(first), np.uint64(last)
     for i in range(begin, end):
         turn(t, i)
     special = 0
@@ -250,10 +244,3 @@ def step_slots(t: Record, last: int) -> int:
     """Take slots one step of the search; return how many are special."""
     prefer_wide_vectors()
     return search(t, LANES, last)
-
-
-@kernel
-def resume_slots(t: Record, last: int) -> int:
-    """Evaluate the flights of slots at their durations; return how many are special."""
-    prefer_wide_vectors()
-    return evaluate_all(t, LANES, last)

@@ -233,7 +233,7 @@ def open_out(t: Record, i: int) -> None:
 def arrive(t: Record, i: int) -> None:
     """Evaluate the flight of lane i there."""
     d = t.next_step[i]
-    (t.moved[i], t.velocity_now[i], t.sine_now[i], t.cosine_now[i]) = flown(
+    t.there[i], t.there_velocity[i], t.there_sine[i], t.there_cosine[i] = flown(
         d, t.velocity[i], t.sine[i], t.cosine[i], t.sine_half[i], t.cosine_half[i],
         t.alpha[i], t.beta[i], t.gamma[i], relax(d, t.beta[i]))
 
@@ -246,16 +246,16 @@ def arrive_late(t: Record, i: int) -> None:
         d, t.velocity[i], t.sine[i], t.cosine[i], t.sine_half[i], t.cosine_half[i],
         t.alpha[i], t.beta[i], t.gamma[i], relax_twice(d, t.beta[i]))
     late = t.beta[i] * d >= 1.0
-    t.moved[i] = choose(late, moved, t.moved[i])
-    t.velocity_now[i] = choose(late, velocity, t.velocity_now[i])
+    t.there[i] = choose(late, moved, t.there[i])
+    t.there_velocity[i] = choose(late, velocity, t.there_velocity[i])
 
 
 @inlined
 def come_near(t: Record, i: int) -> None:
     """Go nearer to the impact of lane i."""
     t.x[i], t.slowness[i], t.ahead[i], t.speed[i], t.pull[i], t.jerk[i] = draw_near(
-        t.wall[i], t.displacement[i], t.moved[i], t.velocity_now[i], t.sine_now[i],
-        t.cosine_now[i], t.alpha[i], t.beta[i], t.gamma[i])
+        t.wall[i], t.displacement[i], t.there[i], t.there_velocity[i], t.there_sine[i],
+        t.there_cosine[i], t.alpha[i], t.beta[i], t.gamma[i])
 
 
 @inlined
@@ -267,7 +267,7 @@ def settle_on(t: Record, i: int) -> None:
     verdict = t.next_verdict[i]
     total, speed, ends, near = finish(
         d, t.x[i], t.slowness[i], t.ahead[i], t.speed[i], t.pull[i], t.jerk[i], since,
-        since + length, t.wall[i], t.sine_now[i], t.cosine_now[i], t.alpha[i], t.beta[i],
+        since + length, t.wall[i], t.there_sine[i], t.there_cosine[i], t.alpha[i], t.beta[i],
         t.bend[i])
     fresh = is_fresh(t, i)
     known = fresh & (verdict == BRACKETED) & (t.beta[i] * d < SERIES_MAXIMUM)
