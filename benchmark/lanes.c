@@ -457,10 +457,10 @@ static void arrive(tile *restrict t)
     EACH {
         double d = t->next_step[i];
         motion there = flown(t, i, d, relax(d, t->beta[i]));
-        t->moved[i] = there.moved;
-        t->velocity_now[i] = there.velocity;
-        t->sine_now[i] = there.sine;
-        t->cosine_now[i] = there.cosine;
+        t->there[i] = there.moved;
+        t->there_velocity[i] = there.velocity;
+        t->there_sine[i] = there.sine;
+        t->there_cosine[i] = there.cosine;
     }
 }
 
@@ -470,8 +470,8 @@ static void arrive_late(tile *restrict t)
         double d = t->next_step[i];
         motion there = flown(t, i, d, relax_twice(d, t->beta[i]));
         bool late = t->beta[i] * d >= 1.0;
-        t->moved[i] = late ? there.moved : t->moved[i];
-        t->velocity_now[i] = late ? there.velocity : t->velocity_now[i];
+        t->there[i] = late ? there.moved : t->there[i];
+        t->there_velocity[i] = late ? there.velocity : t->there_velocity[i];
     }
 }
 
@@ -479,12 +479,12 @@ static void come_near(tile *restrict t)
 {
     EACH {
         double wall = t->wall[i], drive = wall * t->alpha[i];
-        double drive_cosine = drive * t->cosine_now[i];
-        double beta = t->beta[i], speed = wall * t->velocity_now[i];
-        double s = t->displacement[i], moved = t->moved[i];
+        double drive_cosine = drive * t->there_cosine[i];
+        double beta = t->beta[i], speed = wall * t->there_velocity[i];
+        double s = t->displacement[i], moved = t->there[i];
         double ahead = wall > 0.0 ? -s - moved : 1.0 + s + moved;
         double relax = wall * t->gamma[i] - beta * (speed - drive_cosine);
-        double pull = relax - drive * t->sine_now[i], jerk = -drive_cosine - beta * relax;
+        double pull = relax - drive * t->there_sine[i], jerk = -drive_cosine - beta * relax;
         double inverse = ratio(1.0, speed), y = ahead * inverse, q = pull * inverse;
         t->x[i] = y - (0.5 * (y * y)) * (q - y * (q * q - (1.0 / 3.0) * (jerk * inverse)));
         t->slowness[i] = inverse;
@@ -502,10 +502,10 @@ static void settle_on(tile *restrict t)
         double until = since + length, verdict = t->next_verdict[i], wall = t->wall[i];
         double x = t->x[i], inverse = t->slowness[i], ahead = t->ahead[i], speed = t->speed[i];
         double pull = t->pull[i], jerk = t->jerk[i], beta = t->beta[i], bend = t->bend[i];
-        double drive = wall * t->alpha[i], drive_sine = drive * t->sine_now[i];
+        double drive = wall * t->alpha[i], drive_sine = drive * t->there_sine[i];
         double relax = (beta * beta) * (pull + drive_sine), s4 = drive_sine + relax;
         relax = beta * relax;
-        double s5 = drive * t->cosine_now[i] - relax, s6 = beta * relax - drive_sine;
+        double s5 = drive * t->there_cosine[i] - relax, s6 = beta * relax - drive_sine;
         double x2 = 0.5 * x, x3 = (1.0 / 3.0) * x, x4 = 0.25 * x, x5 = 0.2 * x;
         double way = x * (speed + x2 * (pull + x3 * (jerk + x4 * (
             s4 + x5 * (s5 + (1.0 / 6.0) * x * s6)))));

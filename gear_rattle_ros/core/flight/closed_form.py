@@ -89,8 +89,9 @@ def displace_leg(cos_p: float, s0: float, v0: float, model: Model) -> tuple[floa
 @kernel
 def stays_clear(sin_p: float, cos_p: float, s0: float, v0: float, model: Model) -> bool:
     """Whether bounds on each term of the closed form certainly keep a leg off the walls."""
+    # And the time after it in which the last step of a search may still find an impact.
     alpha, beta, gamma, _ = model
-    _, integral, second = relaxation(LEG, beta)
+    _, integral, second = relaxation(LEG + 2.0 * HORIZON_MAXIMUM, beta)
     # s(d) = s0 - alpha sin p + alpha sin(p + d) + (v0 - alpha cos p) B(d) + gamma C(d).
     middle = s0 - alpha * sin_p
     drift = (v0 - alpha * cos_p) * integral
