@@ -426,7 +426,7 @@ static int64_t approach_again(tile *restrict t)
     return late;
 }
 
-static void open_out(tile *restrict t)
+static void halve(tile *restrict t)
 {
     EACH {
         circular half = sine_cosine(0.5 * t->next_step[i]);
@@ -495,7 +495,7 @@ static void come_near(tile *restrict t)
     }
 }
 
-static void settle_on(tile *restrict t)
+static void conclude(tile *restrict t)
 {
     EACH {
         double d = t->next_step[i], since = t->since[i], length = t->next_length[i];
@@ -588,12 +588,12 @@ int64_t stride(tile *t, int64_t turns)
     estimate(t);
     approach(t);
     int64_t late = approach_again(t);
-    open_out(t);
+    halve(t);
     arrive(t);
     if (late > 0)
         arrive_late(t);
     come_near(t);
-    settle_on(t);
+    conclude(t);
     int64_t found = take_off(t);
     orient(t);
     return found;

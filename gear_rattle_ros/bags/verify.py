@@ -131,8 +131,7 @@ def verify(path: str | Path, topic: str = '') -> Verdict:
         f'{beside}/transient': read_diagnostics,
         '/diagnostics': read_diagnostics,
     })
-    exponents, transients = Exponents(estimates), Transients(
-        reports, counts)
+    exponents, transients = Exponents(estimates), Transients(reports, counts)
     kernels = {status.values['kernels'] for status in statuses if 'kernels' in status.values}
     succession, guard = Succession(), StreamGuard()
     source, fault = _batches(bag, impacts), ''

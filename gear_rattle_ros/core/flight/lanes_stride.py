@@ -156,7 +156,7 @@ def see_further(t: Record, i: int) -> None:
 
 @inlined
 def decide(t: Record, i: int) -> None:
-    """Decide about the turn of slot i."""
+    """Decide whether the flight in slot i meets the wall ahead before it turns."""
     t.next_verdict[i], t.wall[i], t.low[i], t.high[i] = turn_over(
         t.wall[i], t.next_length[i], t.c_0[i], t.c_1[i], t.c_2[i], t.c_3[i], t.c_4[i],
         t.c_5[i], t.c_6[i], t.c_7[i], t.s_b[i], t.v_b[i], t.snap[i], t.blur[i])
@@ -164,7 +164,7 @@ def decide(t: Record, i: int) -> None:
 
 @kernel
 def see_on(t: Record) -> None:
-    """Look at the stretches that are still open, and their turns side by side in slots."""
+    """Look at the stretches that are still open; turns are decided side by side in slots."""
     prefer_wide_vectors()
     for _ in range(ROUNDS):
         k = LANES
@@ -207,7 +207,7 @@ def estimate(t: Record, i: int) -> None:
 
 @inlined
 def approach(t: Record, i: int) -> None:
-    """Estimate it better."""
+    """Improve that estimate."""
     t.next_x[i] = improve(t.x[i], t.low[i], t.high[i], t.a_0[i], t.a_1[i], t.a_2[i], t.a_3[i],
                           t.a_4[i], t.a_5[i], t.a_6[i], t.a_7[i])
 
@@ -224,7 +224,7 @@ def approach_again(t: Record, i: int) -> Whole:
 
 
 @inlined
-def open_out(t: Record, i: int) -> None:
+def halve(t: Record, i: int) -> None:
     """Take the sine and cosine of half the time to the impact."""
     t.sine_half[i], t.cosine_half[i] = sine_cosine(0.5 * t.next_step[i])
 
@@ -259,7 +259,7 @@ def come_near(t: Record, i: int) -> None:
 
 
 @inlined
-def settle_on(t: Record, i: int) -> None:
+def conclude(t: Record, i: int) -> None:
     """Find the impact of lane i, or leave it to the search."""
     d = t.next_step[i]
     since = t.since[i]
@@ -331,7 +331,7 @@ def stride(t: Record, turns: int) -> tuple[int, int]:
     for i in range(LANES):
         late += approach_again(t, i)
     for i in range(LANES):
-        open_out(t, i)
+        halve(t, i)
     for i in range(LANES):
         arrive(t, i)
     if late > 0:
@@ -340,7 +340,7 @@ def stride(t: Record, turns: int) -> tuple[int, int]:
     for i in range(LANES):
         come_near(t, i)
     for i in range(LANES):
-        settle_on(t, i)
+        conclude(t, i)
     found = 0
     for i in range(LANES):
         found += take_off(t, i)

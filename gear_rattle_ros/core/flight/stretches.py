@@ -452,12 +452,14 @@ def short_way(phase: float, sin_p: float, cos_p: float, s0: float, v0: float, mo
         sine_a, cosine_a = zero_of(at_fall, stretches)
         verdict, wall, s_b, v_b = look_on(at_fall, h, s_a, v_a, blur, beta, stretches)
         at_fall = 1.0 - at_fall
-    sine_b, cosine_b = zero_of(at_fall, stretches)
-    c_1, c_2, c_3, c_4, c_5, c_6, c_7, last = interpolate(
-        h, s_a, v_a, sine_a, cosine_a, s_b, v_b, sine_b, cosine_b, beta, gamma)
-    if verdict == TURNS and since > 0.0 and is_strike(s_a, v_a, c_1, c_3):
-        verdict = BRACKETED
-    for _ in range(ROUNDS):
+    for n in range(ROUNDS + 1):
+        sine_b, cosine_b = zero_of(at_fall, stretches)
+        c_1, c_2, c_3, c_4, c_5, c_6, c_7, last = interpolate(
+            h, s_a, v_a, sine_a, cosine_a, s_b, v_b, sine_b, cosine_b, beta, gamma)
+        if verdict == TURNS and since > 0.0 and is_strike(s_a, v_a, c_1, c_3):
+            verdict = BRACKETED
+        if n == ROUNDS:
+            break
         if verdict == TURNS:
             verdict, wall, low, high = turn_over(
                 wall, h, s_a, c_1, c_2, c_3, c_4, c_5, c_6, c_7, s_b, v_b, snap, blur)
@@ -467,11 +469,6 @@ def short_way(phase: float, sin_p: float, cos_p: float, s0: float, v0: float, mo
         s_a, v_a, sine_a, cosine_a = s_b, v_b, sine_b, cosine_b
         verdict, wall, s_b, v_b = look_on(at_fall, h, s_a, v_a, blur, beta, stretches)
         at_fall = 1.0 - at_fall
-        sine_b, cosine_b = zero_of(at_fall, stretches)
-        c_1, c_2, c_3, c_4, c_5, c_6, c_7, last = interpolate(
-            h, s_a, v_a, sine_a, cosine_a, s_b, v_b, sine_b, cosine_b, beta, gamma)
-        if verdict == TURNS and is_strike(s_a, v_a, c_1, c_3):
-            verdict = BRACKETED
     if verdict != BRACKETED:
         return False, since + h if verdict == FURTHER else since, 0.0
     x, a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7 = guess(

@@ -42,7 +42,8 @@ class NodeInSi(ReportingNode):
         return self.gears.given if self.gears else {}
 
     def _heed(self, event: ParameterEvent) -> None:
-        if self.gears and event.node.split('/')[-1] == 'simulator':
+        beside = f'{self.get_namespace().rstrip("/")}/simulator'
+        if self.gears and event.node == beside:
             given = self.gears.given
             speeds = {each.name: each.value.double_value for each in event.changed_parameters
                       if each.name in SPEEDS and each.name in given}
